@@ -1,4 +1,4 @@
-"""Cameras as other programs read them: `transforms.json` and COLMAP's text files."""
+"""Cameras as other programs read them: `transforms.json` and a model of COLMAP."""
 
 import json
 from collections.abc import Sequence
@@ -30,8 +30,10 @@ def write_transforms(path: Path, cameras: Sequence[Camera], folder: str, suffix:
     path.write_text(text + "\n")
 
 
-def write_colmap_text(folder: Path, cameras: Sequence[Camera], suffix: str) -> None:
-    """Writes `cameras.txt`, `images.txt`, `points3D.txt` and COLMAP's files beside them.
+def write_colmap_model(folder: Path, cameras: Sequence[Camera], suffix: str) -> None:
+    """Writes a model without points: as binary files, and as text if it can hold the names.
+
+    Readers of text end a name at its first space, and some prefer text to binary files.
 
     Args:
         folder: The folder to fill.
@@ -51,7 +53,9 @@ def write_colmap_text(folder: Path, cameras: Sequence[Camera], suffix: str) -> N
         world_from_camera = pycolmap.Rigid3d(rotation, camera.center_world)
         image = pycolmap.Image(name=f"{camera.name}{suffix}", camera_id=number, image_id=number)
         model.add_image_with_trivial_frame(image, world_from_camera.inverse())
-    model.write_text(folder)
+    model.write_binary(folder)
+    if not any(map(str.isspace, "".join(camera.name for camera in cameras))):
+        model.write_text(folder)
 
 
 def _lens(camera: Camera) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any, cast
 from pipeline.parameters import ChoiceParameter, ListParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
+from styletrf.errors import InputError
 from tasks.machine.optional_dependencies import EXPORT_PACKAGES, export_versions
 from tasks.results.scene_in_styles import SceneInStyles
 from tasks.stages.field import RadianceField, TrajectoryFrames
@@ -49,12 +50,15 @@ class Export(SceneInStyles):
     page = "export.json"
 
     def validate(self) -> None:
-        """Rejects invalid styles, and a format whose packages are missing.
+        """Rejects invalid styles, styles of cameras, and a format whose packages are missing.
 
         Raises:
             InputError: The error says what to give, or to install, instead.
         """
         super().validate()
+        if self.format == "cameras" and self.styles:
+            problem = "has no effect on --format cameras, which has no styles"
+            raise InputError(f"--styles {list(self.styles)}", problem, "Leave it out")
         export_versions(self.format)
 
     def requires(self) -> Mapping[str, Stage]:

@@ -36,9 +36,23 @@ class SceneInStyles(LinkedStage, PathParameters):
         """
         super().validate()
         require_names("--styles", self.styles)
-        if any(style.casefold() == "photographs" for style in self.styles):
-            problem = "has the name of what is not stylized"
-            raise InputError(f"--styles {list(self.styles)}", problem, "Rename the painting")
+        for style in self.styles:
+            require_other_name(f"--styles {list(self.styles)}", style)
         if self.strategy != "s3":
             problem = "gives each style a geometry of its own, but all styles have to share one"
             raise InputError(f"--strategy {self.strategy}", problem, "Leave it out: s3 shares one")
+
+
+def is_name_of_photographs(style: str) -> bool:
+    """Returns whether a style has the name of the look that is not stylized."""
+    return style.casefold() == "photographs"
+
+
+def require_other_name(subject: str, style: str) -> None:
+    """Rejects a style with the name of the look that is not stylized.
+
+    Raises:
+        InputError: The style has this name; the error is of the subject.
+    """
+    if is_name_of_photographs(style):
+        raise InputError(subject, "has the name of what is not stylized", "Rename the painting")

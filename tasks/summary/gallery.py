@@ -3,7 +3,7 @@
 import contextlib
 import json
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -21,6 +21,8 @@ from tasks.summary.metric_labels import NOT_MEASURED, by_delta, term
 
 _log = logging.getLogger("pipeline")
 Cells = dict[tuple[str, str], Cell]
+Pages = dict[str, dict[str, str]]
+"""The addresses of a scene's pages by their titles, by the scene."""
 
 PAGES = {
     "Viewer": "viewer.html",
@@ -42,28 +44,51 @@ def refresh_gallery(root: luigi.Task | None) -> Path | None:
     path = out_root() / "index.html"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        scenes = [folder for folder in path.parent.iterdir() if folder.is_dir()]
-        cells = _shown(scenes)
+        cells, pages = _shown(path.parent.iterdir())
         _add_grid(cells)
         _add_requested(cells, getattr(root, "cells", list)())
-        write_gallery(path, list(cells.values()), _pages(scenes))
+        write_gallery(path, _with_lineages(cells.values(), pages), pages)
     except Exception as error:  # noqa: BLE001
         _log.warning("%s could not be written: %s: %s", path, type(error).__name__, error)
         return None
     return path
 
 
-def _shown(scenes: Iterable[Path]) -> Cells:
-    """Returns the existing results: stylized trajectories, and paintings in viewers."""
+def _shown(paths: Iterable[Path]) -> tuple[Cells, Pages]:
+    """Returns the results and pages in the folders of scenes; what cannot be read is left out."""
     cells: Cells = {}
-    for scene in scenes:
-        for folder in scene.iterdir():
+    pages: Pages = {}
+    for scene in paths:
+        with _left_out(scene):
+            if not scene.is_dir():
+                continue
+            found = {title: file for title, file in PAGES.items() if (scene / file).exists()}
+            cells |= _results(scene)
+            pages |= {scene.name: found} if found else {}
+    return cells, pages
+
+
+def _results(scene: Path) -> Cells:
+    """Returns the results of a scene: stylized trajectories, and paintings in its viewer."""
+    cells: Cells = {}
+    for folder in scene.iterdir():
+        with _left_out(folder):
             if (folder / "video.mp4").exists() and (folder / "summary.json").exists():
                 cells[scene.name, folder.name] = _result(folder)
-        for look, style in enumerate(viewer_styles(scene), start=1):
-            name = scene.name, style
-            cells[name] = replace(cells.get(name, Cell(*name)), look=look)
-    return {n: _with_lineage(cell) for n, cell in cells.items()}
+    for look, style in enumerate(viewer_styles(scene), start=1):
+        name = scene.name, style
+        cells[name] = replace(cells.get(name, Cell(*name)), look=look)
+    return cells
+
+
+@contextlib.contextmanager
+def _left_out(folder: Path) -> Iterator[None]:
+    """Ends the body at its first error and logs it, so that one folder does not hide the others."""
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001
+        reason = f"{type(error).__name__}: {error}"
+        _log.warning("%s is left out of the gallery: %s", folder, reason)
 
 
 def viewer_styles(scene: Path) -> list[str]:
@@ -76,8 +101,8 @@ def viewer_styles(scene: Path) -> list[str]:
     return [str(style) for style in parameters.get("styles", [])]
 
 
-def _with_lineage(cell: Cell) -> Cell:
-    return replace(cell, has_lineage=(out_root() / cell.scene / "lineage.html").exists())
+def _with_lineages(cells: Iterable[Cell], pages: Pages) -> list[Cell]:
+    return [replace(cell, has_lineage="Lineage" in pages.get(cell.scene, {})) for cell in cells]
 
 
 def _result(folder: Path) -> Cell:
@@ -101,7 +126,9 @@ def _add_grid(cells: Cells) -> None:
 def _is_newer(name: tuple[str, str], moment: float) -> bool:
     """Returns whether a result was linked after a moment."""
     report = Path(out_root(), *name, "report.html")
-    return report.exists() and report.lstat().st_mtime > moment
+    with contextlib.suppress(OSError):
+        return report.exists() and report.lstat().st_mtime > moment
+    return False
 
 
 def _add_requested(cells: Cells, requested: Iterable[Any]) -> None:
@@ -115,16 +142,8 @@ def _add_requested(cells: Cells, requested: Iterable[Any]) -> None:
 
 
 def _add(cells: Cells, name: tuple[str, str], outcome: str, reason: str = "") -> None:
-    cell = cells.get(name) or _with_lineage(Cell(*name))
+    cell = cells.get(name, Cell(*name))
     cells[name] = replace(cell, outcome=outcome, reason=reason)
-
-
-def _pages(scenes: Iterable[Path]) -> dict[str, dict[str, str]]:
-    found = {
-        scene.name: {title: file for title, file in PAGES.items() if (scene / file).exists()}
-        for scene in scenes
-    }
-    return {scene: pages for scene, pages in found.items() if pages}
 
 
 def _scores(summary: Mapping[str, Any]) -> list[Score]:

@@ -94,19 +94,28 @@ _STATES: Mapping[Outcome, State] = {
 def _made(record: ActionRecord, inputs: Sequence[str]) -> Artifact:
     seen: Any = record.provenance
     is_there = current_store().object(record.output.digest).is_dir()
-    painting = re.search(r"\bstyle=([^,)]*)", str(seen["task"]))
     return Artifact(
         name=record.action.key,
         family=record.action.family,
         label=str(seen["label"]),
         state="made" if is_there else "removed",
         inputs=inputs,
-        painting=painting[1] if painting else "",
+        painting=_painting(record),
         made=str(seen["started"]),
         seconds=float(seen["seconds"]),
         size_bytes=record.output.size,
         host=str(seen.get("host", "")),
     )
+
+
+def _painting(record: ActionRecord) -> str:
+    """Returns the name of the painting that an artifact was made of; "" if it was made of none."""
+    parameters: Any = record.action.parameters
+    if "style" in parameters:
+        return str(parameters["style"])
+    # of most stages the text alone has it, such as StyleImage(style=NAME, quality=draft)
+    found = re.search(r"(?:\(|, )style=(.*?)(?:, \w+=|\)$)", str(record.provenance["task"]))
+    return found[1] if found else ""
 
 
 def _missing(task: StoredTask, inputs: Sequence[str]) -> Artifact:

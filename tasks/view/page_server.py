@@ -4,6 +4,7 @@ A request is compared with the few addresses that there are, and none of it beco
 file. Writing is one POST, of limited size, that the page's own origin sends as JSON.
 """
 
+import functools
 import hmac
 import json
 import socket
@@ -18,6 +19,7 @@ from styletrf.errors import InputError
 MOST_BYTES = 1 << 18
 """The most bytes of a POST: a path of a thousand key frames."""
 LOOPBACK = "127.0.0.1"
+_PIECE_BYTES = 1 << 16
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'none'",  # the rest of it stands in the page
@@ -82,8 +84,12 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Returns the page's address, with its token."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
+        """Returns the page's address, with its token.
+
+        It has the machine's name if the server listens on all addresses of the machine.
+        """
+        host = socket.gethostname() if _is_unspecified(self.host) else self.host
+        host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.server_address[1]}/{self.token}/"
 
 
@@ -93,6 +99,22 @@ def is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def _is_unspecified(host: str) -> bool:
+    """Returns whether an address stands for all addresses of the machine."""
+    try:
+        return ip_address(host).is_unspecified
+    except ValueError:
+        return False
+
+
+@functools.cache
+def _names_of_machine() -> frozenset[str]:
+    """Returns the names by which others open a page of this machine, in small letters."""
+    name = socket.gethostname()
+    local = f"{name.partition('.')[0]}.local"  # without a server of names (mDNS)
+    return frozenset(each.lower() for each in (name, socket.getfqdn(), local))
 
 
 def warning_of(host: str) -> str:
@@ -121,13 +143,14 @@ def is_own_host(header: str, host: str) -> bool:
     try:
         return ip_address(name).is_loopback or not is_loopback(host)
     except ValueError:
-        return name in ("localhost", host.lower())
+        names = _names_of_machine() if _is_unspecified(host) else {host.lower()}
+        return name == "localhost" or name in names
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: PageServer
     server_version, sys_version = "styletrf", ""
-    timeout = 30.0
+    timeout = 30.0  # of one call of the socket
 
     def do_GET(self) -> None:
         """Answers the page, its state, or a look."""
@@ -203,4 +226,5 @@ class _Handler(BaseHTTPRequestHandler):
         for name, value in headers.items():
             self.send_header(name, value)
         self.end_headers()
-        self.wfile.write(content)
+        for start in range(0, len(content), _PIECE_BYTES):  # a timeout is of one call of `write`
+            self.wfile.write(content[start : start + _PIECE_BYTES])

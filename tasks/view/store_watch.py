@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from threading import Event
 
+from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.settings import data_root
 from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
 from styletrf.errors import InputError
 from styletrf.viewer.baking import BakedLook
 from tasks.presets.presets import PRESETS
+from tasks.results.scene_in_styles import is_name_of_photographs, require_other_name
 from tasks.results.viewer import Viewer
 from tasks.stages.stylization import StylizedField
 from tasks.view.live_viewer import LiveViewer
@@ -24,9 +26,29 @@ def known_styles() -> list[str]:
 
 
 def adapted_styles(viewer: Viewer) -> list[str]:
-    """Returns the styles whose fields are in the store, made as the viewer's parameters say."""
+    """Returns the styles of a viewer whose fields are in the store, made as its parameters say.
+
+    Not that with the name of the photographs' look.
+    """
+    return [style for style in _styles_with_fields(viewer) if not is_name_of_photographs(style)]
+
+
+def _styles_with_fields(viewer: Viewer) -> list[str]:
     fields = {style: viewer.upstream(StylizedField, style=style) for style in known_styles()}
-    return [style for style, field in fields.items() if field.complete()]
+    return [style for style, field in fields.items() if _is_complete(field)]
+
+
+def _is_complete(field: StylizedField) -> bool:
+    """Returns whether a field is in the store; if not, its painting is read again the next time.
+
+    Luigi keeps tasks, and a task the digest of its painting, of which the copy may be under way.
+    """
+    if field.complete():
+        return True
+    for task in stored_tasks(field):
+        if "style" in task.param_kwargs:
+            task.forget(sources=True)
+    return False
 
 
 def best_quality(viewers: Sequence[Viewer]) -> Viewer:
@@ -56,12 +78,13 @@ def watch_store(viewer: Viewer, live: LiveViewer, bake: Bake, stop: Event) -> No
     """
     seen, problems = set[str](), list[str]()
     while not stop.is_set():
-        for style in adapted_styles(viewer):
+        for style in _styles_with_fields(viewer):
             if style in seen or stop.is_set():
                 continue
             seen.add(style)
             live.report = " ".join([*problems, f"{style} is being prepared."])
             try:
+                require_other_name(f"style {style}", style)
                 live.add(*bake(style))
             except Exception as error:  # noqa: BLE001  the other styles are still shown
                 problems.append(f"{style} cannot be shown: {error}")

@@ -195,10 +195,10 @@ const start = async () => {
       Object.assign(chosen, { clip: { frames, isClosed }, frame: 0, isPlaying: true });
       return refresh();
     },
-    drawn: (view, width, height) => {
+    drawn: (view, width, height) => loop.aside(() => {
       renderer.draw({ ...picture(width, height), view, width, height });
       return renderer.read();
-    },
+    }),
   });
   recallPath();
   refresh();

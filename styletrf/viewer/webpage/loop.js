@@ -13,7 +13,7 @@ const halton = (k, base) => {
 // tell reports a picture that is shown.
 const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   const pass = { count: 0, row: 0, scale: 1, isMoving: true };
-  let perPixelMs = FIRST_PIXEL_MS, isBusy = false, isStale = true, changed = performance.now();
+  let perPixelMs = FIRST_PIXEL_MS, isBusy = false, isStale = true, isReplaced = false, changed = performance.now();
   const waiting = [];
   let hasShown = null;
   const isShown = new Promise((go) => { hasShown = go; });  // a first picture
@@ -41,8 +41,10 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     const end = Math.min(height, first + rows);
     const offset = k ? [halton(k, 2) - 0.5, halton(k, 3) - 0.5] : [0, 0];
     const begun = performance.now();
+    isReplaced = false;
     renderer.draw({ ...picture(width, height), width, height, first, end, offset, count: k + 1 });
     await renderer.fence();
+    if (isReplaced) return;  // the next frame begins again
     perPixelMs += 0.5 * (Math.max(0.5, performance.now() - begun) / (width * (end - first)) - perPixelMs);
     pass.row = end % height;
     if (pass.row) return;
@@ -51,6 +53,12 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
     hasShown();
     if (isWhole()) waiting.splice(0).forEach((go) => go(true));
     tell({ width, height, ms: perPixelMs * width * height, count: pass.count });
+  };
+  // Returns what act() returns, which draws something else than the picture, such as a thumbnail.
+  const aside = (act) => {
+    isReplaced = true;
+    change();
+    return act();
   };
   const frame = (now) => {
     requestAnimationFrame(frame);
@@ -68,5 +76,5 @@ const makeLoop = (canvas, renderer, { next, picture, tell }) => {
   // Resolves to true when a whole picture at rest is drawn, and to false if the view is not at rest.
   const whole = () => new Promise((go) => (isAtRest() && (isBusy || pass.row) ? waiting.push(go) : go(isAtRest())));
   const start = () => { requestAnimationFrame(frame); return isShown; };
-  return { change, isSettled: () => !isBusy && isAtRest(), isFinished, whole, start };
+  return { change, aside, isSettled: () => !isBusy && isAtRest(), isFinished, whole, start };
 };

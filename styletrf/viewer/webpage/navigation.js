@@ -15,6 +15,9 @@ const makeNavigation = (scene) => {
   const north = unit(add(column(path[0].pose, 2), down, -dot(column(path[0].pose, 2), down)));
   const east = cross(down, north);
   const lens = path[0], aspect = lens.width / lens.height;
+  const zooms = path.map((frame) => (frame.fx / frame.width) / (lens.fx / lens.width));  // of the fly-through's lens
+  const leastZoom = Math.min(...zooms), mostZoom = MOST_ZOOM * Math.max(...zooms);
+  let followed = 1;  // the part of the zoom that is the followed frame's
   const state = { center: [0, 0, 0], yaw: 0, pitch: 0, roll: 0, zoom: 1 };
 
   const axes = ({ yaw, pitch, roll }) => {
@@ -33,6 +36,7 @@ const makeNavigation = (scene) => {
   };
   const show = (pose, zoom = 1) => {
     Object.assign(state, { center: column(pose, 3), zoom, roll: 0 });
+    followed = 1;
     look(column(pose, 2));
     const flat = axes(state), right = column(pose, 0);
     state.roll = Math.atan2(dot(right, flat.down), dot(right, flat.right));
@@ -84,7 +88,12 @@ const makeNavigation = (scene) => {
     state.center = add(state.center, by, scene.radius);
     bound();
   };
-  const zoomBy = (factor) => { state.zoom = clamp(state.zoom * factor, 1, MOST_ZOOM); };
+  const zoomBy = (factor) => { state.zoom = clamp(state.zoom * factor, leastZoom, mostZoom); };
+  const follow = (k) => {  // through the lens of a frame, zoomed as the user had the one before
+    const zoom = clamp(state.zoom / followed, 1, MOST_ZOOM);
+    show(path[k].pose, zoom * zooms[k]);
+    followed = zooms[k];
+  };
 
   const poseAt = (at) => { const { right, down: below, ahead } = axes(at); return poseOf(right, below, ahead, at.center); };
   const pose = () => poseAt(state);
@@ -102,12 +111,13 @@ const makeNavigation = (scene) => {
     if (numbers.length !== 7 || !numbers.every(Number.isFinite)) return null;
     const [yaw, pitch, roll, zoom] = numbers.slice(3);
     return { center: numbers.slice(0, 3), yaw, pitch: clamp(pitch, -MOST_PITCH, MOST_PITCH), roll,
-             zoom: clamp(zoom, 1, MOST_ZOOM) };
+             zoom: clamp(zoom, leastZoom, mostZoom) };
   };
   const fromText = (text) => {
     const found = parsed(text);
     if (!found) return false;
     Object.assign(state, found);
+    followed = 1;
     bound();
     return true;
   };
@@ -116,6 +126,6 @@ const makeNavigation = (scene) => {
     return found && { pose: poseAt(found), zoom: found.zoom };
   };
   show(path[0].pose);
-  return { aspect, lens, turn, steer, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, frames: path.length,
-           follow: (frame) => show(path[frame].pose, state.zoom) };
+  return { aspect, lens, turn, steer, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, follow,
+           frames: path.length };
 };

@@ -15,6 +15,9 @@ const keyFrameOf = ({ pose, zoom }, lens, matrix) => {
   };
 };
 
+// A word as a shell reads it.
+const quoted = (word) => (/[^\w@%+=:,./-]/.test(word) ? `'${word.replaceAll("'", `'"'"'`)}'` : word);
+
 // changed() is called after a change; play(views, isClosed) shows them; drawn(view, width, height)
 // returns the colors of a view, as numbers in [0, 1].
 const makePathEditor = (scene, navigation, { changed, play, drawn }) => {
@@ -77,7 +80,7 @@ const makePathEditor = (scene, navigation, { changed, play, drawn }) => {
     const name = `${scene.name}-path.json`, text = JSON.stringify(file(), null, 1) + "\n";
     offer(new Blob([text], { type: "application/json" }), name);
     report(`Downloaded as ${name}. This is added to the command of a fly-through to render it:`,
-           `--path ${name} --seconds ${seconds()}`);
+           `--path ${quoted(name)} --seconds ${seconds()}`);
   };
   const toText = () => keys.map(({ text }) => text).join(";");
   const fromText = (text) => {

@@ -9,7 +9,7 @@ from headless import Browser, answer_of
 from other_browsers import firefox, needs_firefox, needs_webkit, webkit
 from shared_results import made_once
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
-from written_viewers import with_third_painting, written, written_small
+from written_viewers import with_third_painting, written_small
 
 BROWSERS = [
     pytest.param(firefox, marks=needs_firefox, id="Firefox"),
@@ -23,7 +23,7 @@ def test_browser_and_cpu_agree_on_looks_and_mixtures(
 ):
     scene, baked = tiny("unbounded"), content("unbounded")
     cases = [(scene.cameras[0], *LOOKS[k]) for k in (0, 3, 5)]
-    page = written(baked, tmp_path / "viewer.html")
+    page = written_small(baked, tmp_path / "viewer.html")
     asked = json.dumps([case(*each) for each in cases])
     answer = answer_of(page, PICTURES.replace("CASES", asked), 800, browser=browser)
     assert answer["errors"] == []

@@ -1,6 +1,9 @@
 """Paths drawn in the page are read by `--path`, and the page previews what is rendered."""
 
 import json
+import shlex
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +49,8 @@ DRAWN = """
 
 
 def drawn(content, tmp_path: Path, space: str, keys: int, *, closed: bool) -> dict:
-    page = written_small(content(space), tmp_path / "viewer.html")
+    named = replace(content(space), scene="Ann's yard; 2 $(exit)")
+    page = written_small(named, tmp_path / "viewer.html")
     with_text(page, page, "img-src", "connect-src blob:; img-src")
     words = {"KEYS": keys, "CLOSED": closed, "SECONDS": SECONDS}
     probe = DRAWN
@@ -64,7 +68,8 @@ def test_a_drawn_path_is_read_and_rendered_as_it_is_shown(
 ):
     answer = drawn(content, tmp_path, space, keys, closed=closed)
     assert answer["errors"] == []
-    assert answer["command"] == f"--path {answer['name']} --seconds {SECONDS}"
+    command = ["--path", answer["name"], "--seconds", str(SECONDS)]
+    assert shlex.split(answer["command"]) == command
     file, scene = tmp_path / "path.json", tiny(space)
     file.write_text(answer["file"])
     read = read_path(file)
@@ -134,3 +139,53 @@ def test_key_frames_are_ordered_deleted_and_kept_in_the_address(content, tmp_pat
     assert answer["isEmpty"]
     assert answer["plays"]
     assert (answer["cards"], answer["over"]) == (2, 0)
+
+
+ADDED = """
+  const { renderer, loop } = await viewer, { draw, fence, present } = renderer, drawn = [];
+  let isAdded = false;
+  renderer.draw = (picture) => { drawn.push(picture.width); draw(picture); };
+  renderer.present = () => { drawn.push("shown"); present(); };
+  renderer.fence = async () => {
+    if (!isAdded) document.querySelector("#addKey").click();
+    isAdded = true;
+    await fence();
+  };
+  loop.change();
+  await until(() => isAdded && loop.isSettled());
+  return { drawn, thumbnail: document.querySelector("#keys canvas").width };
+"""
+
+
+def test_a_key_frame_added_while_a_picture_is_drawn_does_not_replace_it(content, tmp_path):
+    """Its thumbnail was shown, enlarged, until the next picture."""
+    answer = answer_of(written_small(content("ndc"), tmp_path / "viewer.html"), ADDED, 1000)
+    assert answer["errors"] == []
+    drawn = answer["drawn"]
+    assert answer["thumbnail"] in drawn
+    shown = [before for before, now in pairwise(drawn) if now == "shown"]
+    assert shown
+    assert answer["thumbnail"] not in shown
+
+
+FOLLOWED = """
+  const { navigation, scene } = await viewer, focal = (seen) => navigation.view(1, 1, seen).fx;
+  navigation.zoomBy(ZOOM);
+  return { focals: scene.path.map((_, k) => {
+    navigation.follow(k);
+    return [focal(), focal(navigation.seenFrom(navigation.toText()))];
+  }) };
+"""
+
+
+def test_play_shows_each_frame_through_its_own_lens_zoomed_as_the_user_did(content, tmp_path):
+    """All frames had the lens of the first."""
+    baked, zoom = content("ndc"), 1.5
+    lenses = zip(baked.path, (1.0, 2.0, 0.5, 6.0, 0.25), strict=True)
+    path = [replace(camera, fx=k * camera.fx, fy=k * camera.fy) for camera, k in lenses]
+    page = written_small(replace(baked, path=path), tmp_path / "viewer.html")
+    answer = answer_of(page, FOLLOWED.replace("ZOOM", str(zoom)), 1000)
+    assert answer["errors"] == []
+    for camera, (shown, of_address) in zip(path, answer["focals"], strict=True):
+        assert shown == pytest.approx(zoom * camera.fx / camera.width)
+        assert of_address == pytest.approx(shown, rel=1e-5)

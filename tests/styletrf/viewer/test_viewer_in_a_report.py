@@ -5,7 +5,7 @@ import pytest
 from headless import needs_chromium
 from served_folder import served_folder
 from shared_browser import opened
-from written_viewers import written
+from written_viewers import written_small
 
 from styletrf.files.images import write_rgb
 from styletrf.reports.report import ReportContent, write_report
@@ -30,7 +30,7 @@ def test_a_report_opens_its_viewer_at_its_painting(content, tmp_path, width):
     place.mkdir(parents=True)
     content_of_report = ReportContent("the yard", "style 2", "draft", viewer_command="luigi")
     write_report(place / "report.html", content_of_report)
-    written(content("ndc"), place.with_name("viewer.html"))
+    written_small(content("ndc"), place.with_name("viewer.html"))
     write_rgb(place.with_name("viewer.style 2.jpg"), np.full((8, 8, 3), 0.5, np.float32))
     report = "the%20yard/style%202/report.html"
     with served_folder(tmp_path) as address, opened(f"{address}/{report}", width) as page:

@@ -13,7 +13,7 @@ import pytest
 from headless import needs_chromium, with_text
 from shared_browser import answer_of, opened
 from viewer_pictures import CLICKS, LOOKS, PICTURES, case, psnr, rendered
-from written_viewers import with_third_painting, written, written_small
+from written_viewers import with_third_painting, written_small
 
 pytestmark = needs_chromium
 FEW_LOOKS = LOOKS[:4:3]
@@ -28,7 +28,7 @@ def test_canvas_and_cpu_agree_for_every_look(tiny, content, tmp_path: Path, spac
     cases = [(scene.cameras[0], *look) for look in looks]
     cases += [(scene.cameras[4], *look) for look in FEW_LOOKS]
     baked = content(space)
-    page = written(baked, tmp_path / "viewer.html")
+    page = written_small(baked, tmp_path / "viewer.html")
     asked = json.dumps([case(*each) for each in cases])
     answer = answer_of(page, PICTURES.replace("CASES", asked), 1000)
     assert answer["errors"] == []
@@ -39,7 +39,7 @@ def test_canvas_and_cpu_agree_for_every_look(tiny, content, tmp_path: Path, spac
 
 def test_pictures_by_fetched_texels_agree_with_the_cpu(tiny, content, tmp_path: Path):
     scene = tiny("ndc")
-    page = written(content("ndc"), tmp_path / "viewer.html", fetched=True)
+    page = written_small(content("ndc"), tmp_path / "viewer.html", fetched=True)
     asked = json.dumps([case(scene.cameras[0], *LOOKS[1])])
     answer = answer_of(page, PICTURES.replace("CASES", asked), 1000)
     expected = rendered(scene, content("ndc"), scene.cameras[0], *LOOKS[1])
@@ -64,7 +64,7 @@ BEFORE_AND_AFTER = """
 
 def test_the_first_picture_waits_for_its_own_painting_alone(content, tmp_path: Path):
     """It waited for all paintings, and the shader was compiled after they were unpacked."""
-    page = written(content("ndc"), tmp_path / "viewer.html")
+    page = written_small(content("ndc"), tmp_path / "viewer.html")
     with_text(page, page, "<head>", "<head>" + HELD_BACK)
     answer = answer_of(page, BEFORE_AND_AFTER, 1000)
     assert answer["errors"] == []

@@ -1,7 +1,8 @@
 """The index of `out/`: what is shown there, and what became of the cells of a grid."""
 
+import errno
 import json
-import shutil
+import os
 from pathlib import Path
 
 import pytest
@@ -95,7 +96,44 @@ def test_a_page_that_cannot_be_written_is_no_failure(out: Path, caplog: pytest.L
     (out / "index.html/x").mkdir(parents=True)
     assert refresh_gallery(None) is None
     assert mentions(caplog.text, out / "index.html")
-    shutil.rmtree(out / "index.html")
-    show(out / "mini/p", quality="not a table of measures")
-    assert refresh_gallery(None) is None
     assert list(out.glob(".*")) == []
+
+
+@pytest.mark.parametrize("summary", ["{}", "[]", '{"quality": "good"}', "{", None])
+def test_a_folder_with_the_summary_of_another_program_is_left_out_alone(
+    out: Path, caplog: pytest.LogCaptureFixture, summary: str | None
+):
+    """It hid all results."""
+    show(out / "mini/p")
+    foreign = out / "mini/foreign"
+    show(foreign)
+    (foreign / "summary.json").unlink()
+    if summary is None:
+        (foreign / "summary.json").mkdir()
+    else:
+        (foreign / "summary.json").write_text(summary)
+    assert refresh_gallery(None).read_text().count("<li") == 1
+    (message,) = caplog.messages
+    assert mentions(message, foreign)
+
+
+def test_a_scene_that_cannot_be_read_is_left_out_alone(
+    out: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+):
+    show(out / "yard/p")
+    show(out / "mini/p")
+    look_at, locked = Path.stat, out / "mini"
+
+    def refused(path: Path, **more: bool) -> os.stat_result:
+        if locked in path.parents:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return look_at(path, **more)
+
+    monkeypatch.setattr(Path, "stat", refused)
+    requested = tasks.StylizedTrajectory(scene="mini", style="q", **WORDS)
+    text = refresh_gallery(requested).read_text()
+    assert 'data-video="yard/p/video.mp4"' in text
+    assert "mini/p" not in text
+    assert text.count(NOT_BEGUN) == 1
+    (message,) = caplog.messages
+    assert mentions(message, locked)

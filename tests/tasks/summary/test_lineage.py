@@ -65,6 +65,20 @@ def test_a_page_says_what_it_was_made_from_also_to_later_commands(out: Path):
         assert found[image].size_bytes > 0
 
 
+@pytest.mark.parametrize("style", ["Wave (1)", "Monet, lilies", "a) b, c"])
+def test_a_painting_keeps_its_name_whatever_marks_are_in_it(
+    out: Path, photographs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, style: str
+):
+    """It ended at a comma or a parenthesis, so that several paintings were one."""
+    styles = tmp_path / "data/styles"
+    styles.mkdir(parents=True)
+    shutil.copy(photographs / "styles/p.png", styles / f"{style}.png")
+    monkeypatch.setenv("STYLETRF_DATA", str(tmp_path / "data"))
+    made(style)
+    paintings = {each.family: each.painting for each in lineage(out / "mini", [])}
+    assert paintings == {"StyleImage": style, "PaintingPage": style}
+
+
 def test_pages_of_any_kind_and_depth_are_found(out: Path):
     made("p")
     deeper = out / "mini/export/ply"

@@ -49,8 +49,8 @@ def baked(stage_of: Callable[..., Any]) -> tuple[Any, Any, Any, dict[str, Path]]
 
 
 @pytest.fixture
-def served(baked: Any, tmp_path: Path) -> Iterator[Served]:
-    """The scene with its photographs alone."""
+def served(baked: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    """The scene with its photographs alone, on pages whose pictures are small: quick ones."""
     from styletrf.field.radiance_field import load_stylized_field
     from styletrf.viewer.viewed_scene import thumbnail
     from tasks.view.live_viewer import LiveViewer
@@ -67,6 +67,7 @@ def served(baked: Any, tmp_path: Path) -> Iterator[Served]:
         field = load_stylized_field(inputs["field"], inputs["stylized p"])
         return baking.baked("p", field), thumbnail(inputs["style p"] / "style.png")
 
+    monkeypatch.setattr("styletrf.viewer.webpage.packed_scene._MOST_PIXELS_WIDE", 160)
     live = LiveViewer(content, [scene.thumbnail], scene.frames_per_second, file, command)
     with PageServer("127.0.0.1", 0, TOKEN) as server:
         server.site = live

@@ -1,8 +1,11 @@
 """Whoever has the token reads the page and saves a path; nobody else reads or writes anything."""
 
 import http.client
+import io
 import json
 import socket
+from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import pytest
 from message_words import mentions
@@ -102,11 +105,51 @@ def test_a_name_that_is_not_the_servers_is_refused(served, host):
         ("10.0.0.7:80", "0.0.0.0", True),
         ("studio:80", "studio", True),
         ("evil.example:80", "0.0.0.0", False),
+        ("studio.evil.example:80", "0.0.0.0", False),
+        (f"{socket.gethostname()}:80", "127.0.0.1", False),
         ("[evil", "127.0.0.1", False),
     ],
 )
 def test_the_names_of_a_server_are_its_address_and_what_leads_to_it_alone(header, host, is_own):
     assert is_own_host(header, host) is is_own
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_a_server_on_all_addresses_has_the_machines_names_and_prints_one(host):
+    name = socket.gethostname()
+    names = name, name.upper(), socket.getfqdn(), f"{name.partition('.')[0]}.local"
+    assert all(is_own_host(f"{each}:80", host) for each in names)
+    with PageServer("0.0.0.0", 0, TOKEN) as server:
+        assert urlsplit(server.address).hostname == name.lower()
+
+
+class SlowConnection:
+    """A connection of which a call of `sendall` ends within the timeout or fails, as a socket's."""
+
+    def __init__(self, request: bytes, bytes_per_s: float) -> None:
+        self.request, self.bytes_per_s, self.received = request, bytes_per_s, b""
+
+    def settimeout(self, timeout_s: float) -> None:
+        self.timeout_s = timeout_s
+
+    def makefile(self, *_: object) -> io.BytesIO:
+        return io.BytesIO(self.request)
+
+    def sendall(self, data: bytes) -> None:
+        if len(data) > self.bytes_per_s * self.timeout_s:
+            raise TimeoutError
+        self.received += data
+
+
+def test_a_reader_who_is_slow_but_steady_receives_the_whole_page():
+    page = bytes(range(256)) * 8192
+    request = f"GET /{TOKEN}/ HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+    with PageServer("127.0.0.1", 0, TOKEN) as server:
+        server.site = SimpleNamespace(page=lambda: page)
+        reader = SlowConnection(request, bytes_per_s=1e4)
+        server.RequestHandlerClass(reader, ("127.0.0.1", 1), server)
+    assert len(page) > reader.bytes_per_s * reader.timeout_s
+    assert reader.received.endswith(page)
 
 
 def test_only_an_address_that_others_reach_has_a_warning():

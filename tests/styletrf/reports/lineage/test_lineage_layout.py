@@ -77,6 +77,7 @@ def test_the_order_of_the_artifacts_does_not_count(rows: list[Row], random):
 def test_each_painting_has_columns_of_its_own(rows: list[Row]):
     artifacts = made(rows)
     where = layout(artifacts)
+    assert {group.painting for group in where.groups} >= {a.painting for a in artifacts} - {""}
     for group in where.groups:
         columns = range(group.first, group.first + group.columns)
         inside = {name for name, (column, _) in where.places.items() if column in columns}
