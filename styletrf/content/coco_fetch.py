@@ -12,10 +12,7 @@ from functools import partial
 from http.client import HTTPException
 from pathlib import Path
 
-import cv2
-import numpy as np
-
-from styletrf.content.content_sources import ContentSource
+from styletrf.content.content_sources import ContentSource, decoded_image
 from styletrf.errors import InputError, NetworkError
 from styletrf.files.atomic_write import atomic_write
 
@@ -66,7 +63,7 @@ def _read(
     addresses: dict[str, str], cache: Path, pause: Callable[[float], None], name: str
 ) -> bytes:
     path = cache / name
-    if path.exists() and _decodes(path.read_bytes()):
+    if path.exists() and decoded_image(path.read_bytes()) is not None:
         return path.read_bytes()
     content = _fetch(addresses[name], pause)
     if content:
@@ -90,7 +87,7 @@ def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
         except (OSError, HTTPException) as error:
             problem, damaged = f"{type(error).__name__}: {error}", False
         else:
-            if _decodes(content):
+            if decoded_image(content) is not None:
                 return content
             damaged = True
     if damaged:
@@ -114,8 +111,3 @@ def _download(address: str) -> bytes:
                 remedy = "Check the address, or take the image out of the annotations"
                 raise InputError(address, problem, remedy)
     return bytes(content)
-
-
-def _decodes(content: bytes) -> bool:
-    encoded = np.frombuffer(content, dtype=np.uint8)
-    return bool(encoded.size) and cv2.imdecode(encoded, cv2.IMREAD_COLOR) is not None

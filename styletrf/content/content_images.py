@@ -15,7 +15,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from styletrf.content.content_sources import ContentSource
+from styletrf.configuration import require_at_least
+from styletrf.content.content_sources import ContentSource, decoded_image
 from styletrf.errors import InputError
 from styletrf.files.zip_damage import ZIP_DAMAGE
 from styletrf.prefetch import prefetch
@@ -43,6 +44,12 @@ class ContentConfig:
     min_side_px: int = 288  # the shorter side is reduced to this, never enlarged
     seed: int = 0
     smallest_count: int = 8  # fewer usable images than this are an error
+
+    def __post_init__(self) -> None:
+        require_at_least(1, self, "smallest_count")
+        require_at_least(_SMALLEST_SIDE_PX, self, "min_side_px")
+        if self.count is not None:
+            require_at_least(self.smallest_count, self, "count")
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +141,9 @@ class _Shards:
 def _row(source: ContentSource, name: str, min_side_px: int) -> Row | None:
     """Reads, reduces and encodes one image; None where it cannot be used."""
     try:
-        encoded = np.frombuffer(source.read(name), dtype=np.uint8)
+        image = decoded_image(source.read(name))
     except ZIP_DAMAGE:
         return None
-    image = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
     if image is None or min(image.shape[:2]) < _SMALLEST_SIDE_PX:
         return None
     height, width = image.shape[:2]

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from jaxtyping import UInt8
 
 from styletrf.content.procedural_images import procedural_image
 from styletrf.errors import InputError
+from styletrf.files.linked_folders import walk_files
 from styletrf.files.zip_damage import ZIP_DAMAGE
 
 CONTENT_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
@@ -34,15 +36,29 @@ class ContentSource:
     close: Callable[[], None] = lambda: None  # after which nothing is read
 
 
+def decoded_image(encoded: bytes) -> UInt8[np.ndarray, "height width 3"] | None:
+    """Returns the pixels of a file, BGR; None if it is no image, or one that OpenCV refuses.
+
+    OpenCV refuses images of more than 2^30 pixels, or what `OPENCV_IO_MAX_IMAGE_PIXELS` says.
+    """
+    try:
+        buffer = np.frombuffer(encoded, dtype=np.uint8)
+        return cv2.imdecode(buffer, cv2.IMREAD_COLOR) if buffer.size else None
+    except cv2.error:
+        return None
+
+
 def folder_source(folder: Path) -> ContentSource:
     """Returns the images in a folder and the folders below it, by relative path, sorted.
+
+    Folders behind links are entered, see `walk`.
 
     Raises:
         InputError: It is not a folder or holds no image.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "is not a folder", "Give a folder of photographs")
-    files = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    files = (file.relative_to(folder) for file in walk_files(folder) if file.is_file())
     names = tuple(sorted(file.as_posix() for file in files if _is_image(file.as_posix())))
     return ContentSource(
         str(folder), _some(str(folder), names), lambda n: (folder / n).read_bytes()

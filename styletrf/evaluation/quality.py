@@ -11,12 +11,14 @@ import torch
 from jaxtyping import Bool
 
 from styletrf.capture.view_images import Image as ViewImage
+from styletrf.configuration import require_at_least
 from styletrf.errors import InputError
 from styletrf.evaluation.exposed_image import psnr_exposed
 from styletrf.evaluation.lpips_distance import lpips_metric
 from styletrf.evaluation.metrics import Image, mean_squared_error, psnr, ssim
 from styletrf.evaluation.perceptual_distance import PerceptualFeatures
 from styletrf.field.rendering import RenderConfig, Rendering
+from styletrf.files.frame_limits import SMALLEST_PX
 from styletrf.files.images import from_integers, write_rgb
 from styletrf.finiteness import require_finite
 from styletrf.geometry.cameras import Camera
@@ -34,8 +36,8 @@ class QualityConfig:
 
     Attributes:
         render: The settings of the render.
-        long_side_px: The longer side of the views compared; 0 for the scene's working size. Values
-            compare at one size only.
+        long_side_px: The longer side of the views compared, as of frames at least 64; 0 for the
+            scene's working size. Values compare at one size only.
         perceptual_px: The longer side at which views go through the perceptual network.
         lpips: Whether LPIPS is measured as well, see `styletrf.evaluation.lpips_distance`.
         aligned: Whether PSNR is measured with aligned cameras as well, see
@@ -49,8 +51,9 @@ class QualityConfig:
     aligned: bool = False
 
     def __post_init__(self) -> None:
-        if self.long_side_px < 0 or self.perceptual_px < REDUCTION:
-            raise ValueError(f"long_side_px is 0 or more, perceptual_px at least {REDUCTION}")
+        require_at_least(REDUCTION, self, "perceptual_px")
+        if self.long_side_px:
+            require_at_least(SMALLEST_PX, self, "long_side_px")
 
 
 def requested_metrics(

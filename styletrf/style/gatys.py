@@ -13,16 +13,17 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.configuration import require_within
+from styletrf.configuration import require_at_least, require_within
 from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
+from styletrf.style.perceptual.painting_size import scaled_painting
 from styletrf.style.perceptual.perceptual_loss import (
     PerceptualLossConfig,
     perceptual_loss,
-    shrunk,
     style_grams,
 )
 from styletrf.style.perceptual.vgg import VGG16
+from styletrf.style.residual_network import SMALLEST_PX
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +31,16 @@ class GatysConfig:
     """Settings of the optimization of a view; most of it runs at half the view's size."""
 
     loss: PerceptualLossConfig = field(default_factory=PerceptualLossConfig)
-    style_px: int = 420
+    style_px: int = 420  # shorter side of the style image
+    stroke_scale: float = 1.0  # of that side; see `scaled_painting`
     start: Literal["network", "content", "noise"] = "network"
     iterations: tuple[int, ...] = (60, 20)  # at half and at full size
     rate: float = 0.04  # Adam's, of colors in [0, 1]
     seed: int = 0  # of the noise
 
     def __post_init__(self) -> None:
-        require_within("(0, inf)", self, "rate")
+        require_at_least(SMALLEST_PX, self, "style_px")
+        require_within("(0, inf)", self, "rate", "stroke_scale")
         if not self.iterations or min(self.iterations) < 0:
             raise ValueError(f"iterations are {self.iterations}, not one or more from 0")
 
@@ -66,7 +69,7 @@ def paint_by_optimization(
         ValueError: The start is `network`, and `begin` is missing.
         NotFiniteError: The loss stopped being finite, or one of its images is not finite.
     """
-    grams = style_grams(vgg, shrunk(style, config.style_px))
+    grams = style_grams(vgg, scaled_painting(style, config.style_px, config.stroke_scale))
     plain = content.permute(2, 0, 1)[None]
     height, width = content.shape[:2]
     painted, done = _started(plain, begin, config), 0

@@ -7,14 +7,15 @@ normalization that follows takes away; scales go into the weights.
 """
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from pickle import UnpicklingError
 
 import torch
 from torch import Tensor
 
 from styletrf.errors import InputError
 from styletrf.finiteness import first_not_finite
+from styletrf.style.pickled_tensors import read_pickled
 from styletrf.style.style_network import OUTPUT_SCALE, StyleNetwork, StyleNetworkConfig
 
 _RANGE = 255.0
@@ -27,6 +28,7 @@ _ENDS = {
     "decoder.11": "deconv3.conv2d",
 }  # fmt: skip
 _BLOCK = {"1": "conv1.conv2d", "2": "in1", "5": "conv2.conv2d", "6": "in2"}
+_REMEDY = "Give a checkpoint of PyTorch's fast-neural-style example"
 _FIRST, _LAST = "conv1.conv2d", "deconv3.conv2d"
 
 
@@ -39,10 +41,7 @@ def from_fast_neural_style(path: Path) -> StyleNetwork:
     Raises:
         InputError: The file is not of this kind.
     """
-    try:
-        loaded = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, UnpicklingError, EOFError, ValueError) as error:
-        raise _no_network(path, f"cannot be read ({type(error).__name__})") from error
+    loaded = read_pickled(path, "a style network", _REMEDY)
     items = loaded.items() if isinstance(loaded, dict) else ()
     state = {str(name): value for name, value in items if isinstance(value, Tensor)}
     first = state.get(f"{_FIRST}.weight", torch.empty(0))
@@ -50,23 +49,28 @@ def from_fast_neural_style(path: Path) -> StyleNetwork:
         raise _no_network(path, "has no layer conv1.conv2d")
     blocks = {int(found[1]) for name in state if (found := re.match(r"res(\d+)\.", name))}
     network = StyleNetwork(StyleNetworkConfig(len(first), len(blocks)))
-    ours = {}
-    for name in network.state_dict():
-        theirs = _their_name(name)
-        if theirs not in state:
-            raise _no_network(path, f"has no {theirs}")
-        ours[name] = state[theirs].float()
+    ours = {
+        name: _layer(path, state, _their_name(name), wanted.shape)
+        for name, wanted in network.state_dict().items()
+    }
     if bad := first_not_finite(ours.items()):
         raise _no_network(path, f"{_their_name(bad)} is not finite")
     ours["encoder.1.weight"] = ours["encoder.1.weight"] * _RANGE
     last = "decoder.11"
     ours[f"{last}.weight"] = ours[f"{last}.weight"] / (_RANGE * OUTPUT_SCALE)
     ours[f"{last}.bias"] = (ours[f"{last}.bias"] / _RANGE - 0.5) / OUTPUT_SCALE
-    try:
-        network.load_state_dict(ours)
-    except RuntimeError as error:
-        raise _no_network(path, f"has layers of other sizes ({error})") from error
+    network.load_state_dict(ours)
     return network.eval()
+
+
+def _layer(path: Path, state: Mapping[str, Tensor], name: str, shape: torch.Size) -> Tensor:
+    """Returns the layer of a file by its name, which has this shape; in float32."""
+    if name not in state:
+        raise _no_network(path, f"has no {name}")
+    if state[name].shape != shape:
+        shapes = f"{tuple(state[name].shape)} instead of {tuple(shape)}"
+        raise _no_network(path, f"{name} has the shape {shapes}")
+    return state[name].float()
 
 
 def to_fast_neural_style(network: StyleNetwork) -> dict[str, Tensor]:
@@ -87,5 +91,4 @@ def _their_name(name: str) -> str:
 
 
 def _no_network(path: Path, problem: str) -> InputError:
-    remedy = "Give a checkpoint of PyTorch's fast-neural-style example"
-    return InputError(str(path), f"{problem}: no such style network", remedy)
+    return InputError(str(path), f"{problem}: no such style network", _REMEDY)

@@ -3,12 +3,14 @@
 import logging
 from pathlib import Path
 
+import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
 from styletrf.files.images import from_integers
+from styletrf.style.perceptual.painting_size import MOST_SHORT_SIDE_PX
 from styletrf.style.style_survey import painting_warnings
 
 _LOGGER = logging.getLogger(__name__)
@@ -24,6 +26,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     """Returns a painting as RGB float32 in [0, 1], upright, transparent parts over white.
 
     Of a scroll, longer than eight times its shorter side, only the middle is used, with a warning.
+    A painting whose shorter side has more than `MOST_SHORT_SIDE_PX` pixels is reduced to that.
 
     Raises:
         InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
@@ -31,15 +34,15 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     """
     if not path.is_file():
         raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
-    image = from_integers(read_photograph(path))
-    height, width = image.shape[:2]
+    pixels = read_photograph(path)
+    height, width = pixels.shape[:2]
     if min(height, width) < SMALLEST_SIDE_PX:
         raise InputError(
             str(path),
             f"{width}x{height} pixels are too few to learn a style from",
             f"Give an image of at least {SMALLEST_SIDE_PX} pixels a side; 256 or more is better",
         )
-    image = _middle(image, path.name)
+    image = from_integers(_reduced(_middle(pixels, path.name)))
     if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
         raise InputError(str(path), "is all one color, or nearly", remedy)
@@ -48,15 +51,24 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     return image
 
 
-def _middle(image: Float[np.ndarray, "_ _ 3"], name: str) -> Float[np.ndarray, "_ _ 3"]:
+def _middle(pixels: UInt8[np.ndarray, "_ _ 3"], name: str) -> UInt8[np.ndarray, "_ _ 3"]:
     """Returns the part of a very long painting that is used."""
-    height, width = image.shape[:2]
+    height, width = pixels.shape[:2]
     longest = LONGEST_PROPORTION * min(height, width)
     if max(height, width) <= longest:
-        return image
+        return pixels
     _LOGGER.warning(
         "%s: the painting has %dx%d pixels: only the middle %d pixels of its length are used",
         name, width, height, longest,
     )  # fmt: skip
     top, left = max(0, height - longest) // 2, max(0, width - longest) // 2
-    return image[top : top + longest, left : left + longest]
+    return pixels[top : top + longest, left : left + longest]
+
+
+def _reduced(pixels: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _ 3"]:
+    """Returns a painting no larger than it is ever looked at; in float it would take gigabytes."""
+    scale = MOST_SHORT_SIDE_PX / min(pixels.shape[:2])
+    if scale >= 1:
+        return pixels
+    height, width = (round(side * scale) for side in pixels.shape[:2])
+    return np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA))

@@ -69,7 +69,9 @@ class AdaptationConfig:
         if not self.parts or not set(self.parts) <= set(PARTS):
             raise ValueError(f"parts are {self.parts}, not some of {PARTS}")
         require_at_least(1, self, "iterations", "batch", "tv_every", "cache_bytes")
+        require_within("(0, inf)", self, "factor_rate", "network_rate")
         require_within("(0, 1]", self, "rate_decay")
+        require_within("[0, inf)", self, "tv_weight")
         require_within("[0, 1)", self, "min_weight", "termination")
 
 

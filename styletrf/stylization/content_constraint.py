@@ -17,6 +17,7 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
+from styletrf.configuration import require_within
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, PerceptualTerms
 
 _MAX_LOG_STEP = 1.0  # an iteration multiplies the weight by e at most
@@ -35,10 +36,9 @@ class ContentConstraintConfig:
     least_factor: float = 1 / 8
 
     def __post_init__(self) -> None:
-        if self.level <= 0 or self.rate < 0 or not 0 < self.least_factor <= 1:
-            raise ValueError(
-                f"level is above 0, rate at least 0, least_factor in (0, 1], not {self}"
-            )
+        require_within("(0, inf)", self, "level")
+        require_within("[0, inf)", self, "rate")
+        require_within("(0, 1]", self, "least_factor")
 
 
 @runtime_checkable

@@ -73,7 +73,9 @@ class ImageAdaptationConfig:
     def __post_init__(self) -> None:
         require_at_least(0, self, "iterations")
         require_at_least(LEAST_PX, self, "window_px")
+        require_within("(0, inf)", self, "rate")
         require_within("(0, 1]", self, "rate_decay")
+        require_within("[0, inf)", self, "color_weight", "variance_weight")
         require_within("[0, 1)", self, "min_weight", "termination")
 
 

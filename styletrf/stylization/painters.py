@@ -1,5 +1,6 @@
 """Painters of views: a style network, or an optimization of each view."""
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,11 +15,13 @@ from styletrf.errors import NotFiniteError
 from styletrf.files.images import read_rgb
 from styletrf.progress import Progress, silent
 from styletrf.style.gatys import GatysConfig, paint_by_optimization
+from styletrf.style.perceptual.painting_size import scale_warnings
 from styletrf.style.perceptual.vgg import load_vgg
 from styletrf.style.style_network import load_style_network, stylize
 
 Image = Float[np.ndarray, "height width 3"]
 Painter = Callable[[Tensor], Tensor]
+_LOGGER = logging.getLogger(__name__)
 
 
 def network_painter(folder: Path, device: torch.device) -> Painter:
@@ -44,6 +47,8 @@ def optimizing_painter(
         network: Paints the picture that an optimization starts from.
     """
     vgg, painting = load_vgg(weights, device), torch.from_numpy(read_rgb(style)).to(device)
+    for warning in scale_warnings(painting.shape, config.style_px, config.stroke_scale):
+        _LOGGER.warning(warning)
     paint = partial(paint_by_optimization, vgg, style=painting, config=config)
 
     def painter(image: Tensor) -> Tensor:
@@ -63,22 +68,30 @@ def load_painted(path: Path) -> list[Image]:
     return [view for _, view in sorted(load_file(path).items())]
 
 
-def painted(paint: Painter, views: Sequence[Image], progress: Progress = silent) -> list[Image]:
-    """Returns all views painted."""
-    return list(each_painted(paint, iter(views), len(views), progress))
+def painted(
+    paint: Painter, names: Sequence[str], views: Sequence[Image], progress: Progress = silent
+) -> list[Image]:
+    """Returns all views painted; see `each_painted`."""
+    return list(each_painted(paint, names, iter(views), progress))
 
 
 def each_painted(
-    paint: Painter, views: Iterator[Image], count: int, progress: Progress = silent
+    paint: Painter, names: Sequence[str], views: Iterator[Image], progress: Progress = silent
 ) -> Iterator[Image]:
     """Yields the views painted, one at a time.
+
+    Args:
+        paint: Paints a view.
+        names: The names of the views, by which an error names one.
+        views: RGB in [0, 1], as many.
+        progress: Called with the number of views.
 
     Raises:
         NotFiniteError: A view is not finite; the error names it.
     """
-    for k, view in enumerate(views):
+    for k, (name, view) in enumerate(zip(names, views, strict=True)):
         try:
             yield paint(torch.from_numpy(view)).numpy()
         except NotFiniteError as error:
-            raise NotFiniteError(error.stage, error.tensor, f"in view {k:04d}") from error
-        progress(k + 1, count)
+            raise NotFiniteError(error.stage, error.tensor, f"in view {name}") from error
+        progress(k + 1, len(names))

@@ -8,13 +8,16 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import read_photograph
+from styletrf.capture.masks import read_mask_image
 from styletrf.errors import InputError
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import from_integers
 from styletrf.geometry.camera_table import read_cameras
 from styletrf.geometry.cameras import Camera, depth_behind
 from styletrf.geometry.image_sampling import sample_at
+
+_MOST_STRETCH = 0.01
+"""The proportions of a mask may differ by this fraction from those of its view, or by a pixel."""
 
 
 class Region(ABC):
@@ -78,18 +81,34 @@ def masked_on(renders: Path, view: str, mask: Path) -> Masked:
     Args:
         renders: The folder that `write_float_frames` wrote.
         view: The name of one of them.
-        mask: An image of any size and the view's proportions.
+        mask: An image of any size and the view's proportions, which may be 1 % or a pixel off;
+            its transparent parts are black.
 
     Raises:
-        InputError: There is no such view, or the mask is no image, or all black.
+        InputError: There is no such view, or the mask is no image, of other proportions, or all
+            black.
     """
     cameras = {camera.name: camera for camera in read_cameras(renders / "cameras.parquet")}
     if view not in cameras:
         known = f"{min(cameras)} to {max(cameras)}"
         raise InputError(f"--region, view {view}", "there is no such prior", f"Give one of {known}")
     camera = cameras[view]
-    white = from_integers(read_photograph(mask)).mean(axis=2)
+    white = from_integers(read_mask_image(mask)).mean(axis=2)
+    _require_proportions(mask, white.shape, camera)
     white = cv2.resize(white, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
     if white.max() < 1 / 255:
-        raise InputError(f"--region, mask {mask}", "is all black", "Paint white what to style")
+        problem = "is all black or transparent"
+        raise InputError(f"--region, mask {mask}", problem, "Paint white what to style")
     return Masked(camera, white, read_float_image(renders / "frames" / f"{view}.exr").depth)
+
+
+def _require_proportions(mask: Path, shape: tuple[int, ...], camera: Camera) -> None:
+    """Refuses a mask that would be stretched over its view: it would style other surfaces."""
+    height, width = shape
+    expected = width * camera.height / camera.width
+    if abs(height - expected) > max(1.0, _MOST_STRETCH * expected):
+        raise InputError(
+            f"--region, mask {mask}",
+            f"is {width}x{height}, and view {camera.name} {camera.width}x{camera.height}",
+            "Paint it over the picture of the view, or give it the same proportions",
+        )

@@ -1,5 +1,6 @@
 """Stylizes a field by painted views, with each strategy of the paper and each loss of ours."""
 
+import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -27,7 +28,8 @@ from styletrf.progress import Progress, silent
 from styletrf.scene.free_space import free_space
 from styletrf.scene.scene_model import SceneModel, read_scene_model
 from styletrf.scene.training_photographs import read_training_photographs
-from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, shrunk
+from styletrf.style.perceptual.painting_size import scale_warnings, scaled_painting
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.predictor_features import LEAST_PX
 from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import load_vgg
@@ -44,6 +46,7 @@ from styletrf.stylization.view_windows import ImageLoss
 from styletrf.trajectory.frames import float_images
 
 Match = Literal["pixels", "gram", "distributions"]
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +68,14 @@ class StylizationConfig:
     )  # in that loss
     image_bfloat16: bool = True  # the perceptual network in bfloat16 where it is faster
     style_px: int = 420  # of the painting, in the loss of renders
+    stroke_scale: float = 1.0  # of that side; see `scaled_painting`
     fit: FieldTrainingConfig = field(default_factory=FieldTrainingConfig)  # of S1 and S2
 
     def __post_init__(self) -> None:
         require_at_least(LEAST_PX, self, "style_px")
         require_within("(0, 1]", self, "fit_fraction")
         require_within("[0, inf)", self, "appearance_scale")
+        require_within("(0, inf)", self, "stroke_scale")
         if self.shading == "plain" and set(self.adaptation.parts) == {"network"}:
             raise ValueError("adaptation.parts is 'network', which the shading 'plain' lacks")
 
@@ -82,8 +87,8 @@ class StylizationConfig:
             self.image_loss, content_weight=content_weight * self.image_loss.content_weight
         )
         content = replace(self.content, level=self.content.level / content_weight)
-        style_px = max(LEAST_PX, round(stroke_scale * self.style_px))
-        return replace(self, style_px=style_px, image_loss=loss, content=content)
+        scale = stroke_scale * self.stroke_scale
+        return replace(self, stroke_scale=scale, image_loss=loss, content=content)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,9 +222,12 @@ def _image_loss(job: Stylization, config: StylizationConfig) -> ImageLoss:
     if job.match == "distributions":
         predictor = load_style_transfer(job.style["transfer"], device).predictor
         predictor.requires_grad_(requires_grad=False)
+    size = config.style_px, config.stroke_scale
+    for warning in scale_warnings(painting.shape, *size):
+        _LOGGER.warning(warning)
     loss = StyleLoss(
         vgg,
-        shrunk(painting, config.style_px),
+        scaled_painting(painting, *size),
         config.image_loss,
         "sliced" if job.match == "distributions" else "gram",
         predictor,

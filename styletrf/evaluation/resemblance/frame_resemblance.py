@@ -16,6 +16,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
     TraitsConfig,
     content_distance,
     distances,
+    reduced,
     unrelated_content_distance,
 )
 from styletrf.evaluation.resemblance.sliced_wasserstein import Picture
@@ -59,7 +60,7 @@ class FrameResemblance:
         sifid_vgg: Squared Fréchet distance of statistics of relu2_2 to the painting.
         content_distance: The distance of relu4_3 to the unstylized frame.
         content_distance_painting: The same of the painting and the unstylized frame.
-        sharpness: The sharpness of the frame.
+        sharpness: The sharpness of the frame, reduced to the priors' size if that is smaller.
     """
 
     view: str
@@ -106,16 +107,28 @@ def measure_resemblance(
     chosen = evenly_spread(views, config.frames)
     rows: list[FrameResemblance] = []
     style: PictureTraits | None = None
+    side_px = config.traits.long_side_px
     for view in chosen:
         plain, stylized = frames(view)
         require_finite("resemblance", f"in frame {view}", [("frame", plain), ("style", stylized)])
         style = style or meter.of_painting(painting, plain)
-        row = frame_resemblance(view, meter.of_frame(plain), meter.of_frame(stylized), style)
+        side_px = common_side_px(plain, priors, config.traits)
+        before, after = (meter.of_frame(frame, side_px) for frame in (plain, stylized))
+        row = frame_resemblance(view, before, after, style)
         figures = [(name, np.array(value)) for name, value in _numbers(row).items()]
         require_finite("resemblance", f"in frame {view}", figures)
         rows.append(row)
         progress(len(rows), len(chosen), patches=row.style_swd_patches)
-    return rows, summary(rows, priors)
+    return rows, summary(rows, [reduced(prior, side_px) for prior in priors])
+
+
+def common_side_px(frame: Picture, priors: Sequence[Picture], config: TraitsConfig) -> int:
+    """Returns the longer side that frames and priors can both be reduced to.
+
+    Sharpness grows as a picture is reduced, so it is compared at one size.
+    """
+    sides: list[int] = [max(picture.shape[:2]) for picture in (frame, *priors)]
+    return min(config.long_side_px, *sides)
 
 
 def frame_resemblance(
@@ -137,6 +150,7 @@ def frame_resemblance(
 def summary(rows: Sequence[FrameResemblance], priors: Sequence[Picture]) -> dict[str, float | None]:
     """Returns the means over frames, and ratios of them; a ratio to nothing is None.
 
+    The priors are reduced to the size at which the sharpness of frames was measured.
     `X_ratio` is X over `X_unstylized`; `content` the content distance over the painting's;
     `sharpness_to_priors` and `sharpness_to_unstylized` say over what. The last number is that of
     `content_style_product`.

@@ -84,14 +84,20 @@ class TraitMeter:
         """Takes the two networks, which lie on one device."""
         self._vgg, self._efficientnet, self._config = vgg, efficientnet, config
 
-    def of_frame(self, frame: Picture) -> PictureTraits:
-        """Returns the traits of a frame in [0, 1], reduced to `long_side_px`.
+    def of_frame(self, frame: Picture, sharpness_px: int | None = None) -> PictureTraits:
+        """Returns the traits of a frame, reduced to `long_side_px`.
+
+        Args:
+            frame: RGB in [0, 1].
+            sharpness_px: The longer side at which its sharpness is measured, if that is shorter.
 
         Raises:
             InputError: The frame is smaller than 8x8 pixels.
         """
         height, width = self._size(frame)
-        return self._traits(_resized(frame, height, width))
+        seen = _resized(frame, height, width)
+        long_px = self._config.long_side_px
+        return self._traits(seen, sharpness(reduced(frame, min(sharpness_px or long_px, long_px))))
 
     def of_painting(self, painting: Picture, frame: Picture) -> PictureTraits:
         """Returns the traits of a painting at the size at which it compares with a frame.
@@ -104,7 +110,8 @@ class TraitMeter:
         scale = np.sqrt(height * width / (painting.shape[0] * painting.shape[1]))
         least = min(_LEAST_SIDE_PX, height, width)
         down, across = (max(least, round(side * scale)) for side in painting.shape[:2])
-        return self._traits(_resized(painting, down, across))
+        seen = _resized(painting, down, across)
+        return self._traits(seen, sharpness(seen))
 
     def _size(self, frame: Picture) -> tuple[int, int]:
         if min(frame.shape[:2]) < REDUCTION:
@@ -113,12 +120,10 @@ class TraitMeter:
                 f"is smaller than the {REDUCTION} pixels that measures of style look at",
                 "Render larger frames",
             )
-        scale = min(1.0, self._config.long_side_px / max(frame.shape[:2]))
-        height, width = (max(REDUCTION, round(side * scale)) for side in frame.shape[:2])
-        return height, width
+        return _reduced_size(frame, self._config.long_side_px)
 
     @torch.inference_mode()
-    def _traits(self, image: Picture) -> PictureTraits:
+    def _traits(self, image: Picture, sharp: float) -> PictureTraits:
         tensor = torch.from_numpy(image).to(self._vgg.mean.device)
         height, width = image.shape[:2]
         short_px = self._config.vgg_px * min(height, width) // max(height, width)
@@ -131,7 +136,7 @@ class TraitMeter:
             grams=[gram_matrix(features) for features in layers],
             texture=feature_statistics(seen[_TEXTURE_LAYER][0].flatten(1)),
             content=functional.normalize(seen[_CONTENT_LAYER][0].flatten(1).float(), dim=0),
-            sharpness=sharpness(image),
+            sharpness=sharp,
         )
 
 
@@ -187,6 +192,17 @@ def nearest_painting(
     found = {name: distances(picture, painting) for name, painting in paintings.items()}
     measures = next(iter(found.values()), {})
     return {measure: min(found, key=lambda name: found[name][measure]) for measure in measures}
+
+
+def reduced(picture: Picture, long_side_px: int) -> Picture:
+    """Returns a picture within [0, 1] whose longer side is at most this, as frames are reduced."""
+    return _resized(picture, *_reduced_size(picture, long_side_px))
+
+
+def _reduced_size(picture: Picture, long_side_px: int) -> tuple[int, int]:
+    scale = min(1.0, long_side_px / max(picture.shape[:2]))
+    height, width = (max(REDUCTION, round(side * scale)) for side in picture.shape[:2])
+    return height, width
 
 
 def _resized(image: Picture, height: int, width: int) -> Picture:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from styletrf.configuration import require_within
 from styletrf.style.perceptual.vgg import LAYERS, VGG16
 
 CONTENT_LAYER = "relu2_2"
@@ -48,6 +49,7 @@ class PerceptualLossConfig:
     def __post_init__(self) -> None:
         if self.content_layer not in LAYERS:
             raise ValueError(f"content_layer is {self.content_layer}, not one of {LAYERS}")
+        require_within("[0, inf)", self, "content_weight", "style_weight", "tv_weight")
         weights = self.style_layer_weights
         if min(weights) < 0 or not any(weights):
             raise ValueError(f"style_layer_weights are {weights}, not positive for any layer")

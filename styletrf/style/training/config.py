@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.style_loss import Statistics
@@ -35,6 +35,7 @@ class StyleTrainingConfig:
     batch: int = 4
     crop_px: int = 256
     style_px: int = 288  # shorter side of the style image: the smaller, the finer the strokes
+    stroke_scale: float = 1.0  # of that side; see `scaled_painting`
     learning_rate: float = 2e-3  # Adam's
     final_learning_rate: float = 3e-4  # reached geometrically
     bfloat16: bool = True  # convolutions in bfloat16 where it is faster
@@ -44,11 +45,10 @@ class StyleTrainingConfig:
         require_at_least(1, self, "iterations", "batch")
         require_at_least(0, self, "identity_iterations")
         require_at_least(SMALLEST_PX, self, "crop_px", "style_px")
-        if not 0 <= self.normalization_share <= 1:
-            raise ValueError(f"normalization_share is {self.normalization_share}, not from 0 to 1")
-        if not (self.learning_rate > 0 and self.final_learning_rate > 0):
-            rates = f"{self.learning_rate} and {self.final_learning_rate}"
-            raise ValueError(f"learning_rate and final_learning_rate are {rates}, not above 0")
+        require_within("[0, 1]", self, "normalization_share")
+        rates = "normalization_rate", "learning_rate", "final_learning_rate"
+        require_within("(0, inf)", self, *rates, "stroke_scale")
+        require_within("[0, inf)", self, "predictor_weight", "color_weight")
 
 
 Steered = TypeVar("Steered", StyleTrainingConfig, GatysConfig)
@@ -58,6 +58,6 @@ def with_style_parameters(config: Steered, stroke_scale: float, content_weight: 
     """Returns the settings with the painting seen so many times larger, and content counted so."""
     return replace(
         config,
-        style_px=max(SMALLEST_PX, round(stroke_scale * config.style_px)),
+        stroke_scale=stroke_scale * config.stroke_scale,
         loss=replace(config.loss, content_weight=content_weight * config.loss.content_weight),
     )

@@ -13,12 +13,8 @@ from torch.nn import functional
 from styletrf.devices import is_faster_in_bfloat16
 from styletrf.errors import InputError
 from styletrf.finiteness import Named, first_not_finite, parameter_stages
-from styletrf.style.perceptual.perceptual_loss import (
-    PerceptualTerms,
-    color_drift,
-    mean_terms,
-    shrunk,
-)
+from styletrf.style.perceptual.painting_size import scaled_painting
+from styletrf.style.perceptual.perceptual_loss import PerceptualTerms, color_drift, mean_terms
 from styletrf.style.perceptual.style_loss import StyleLoss
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork
@@ -66,7 +62,7 @@ class StyleStep:
             predictor.to(self._device)
         self._style_loss = StyleLoss(
             copy.deepcopy(vgg).to(torch.bfloat16) if self._fast else vgg,
-            shrunk(style.to(self._device), config.style_px),
+            scaled_painting(style.to(self._device), config.style_px, config.stroke_scale),
             config.loss,
             config.statistics,
             predictor,

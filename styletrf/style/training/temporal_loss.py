@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.configuration import require_at_least
+from styletrf.configuration import require_at_least, require_within
 
 _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
@@ -36,8 +36,8 @@ class TemporalLossConfig:
 
     def __post_init__(self) -> None:
         require_at_least(1, self, "every")
-        if not 0 <= self.renders <= 1:
-            raise ValueError(f"renders is {self.renders}, not from 0 to 1")
+        require_within("[0, inf)", self, "weight")
+        require_within("[0, 1]", self, "renders")
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,8 @@ from torch import Tensor
 from styletrf.content.content_batches import content_batches, read_content
 from styletrf.finiteness import parameter_stages, require_finite
 from styletrf.progress import Progress, silent
-from styletrf.style.perceptual.perceptual_loss import PerceptualTerms, shrunk
+from styletrf.style.perceptual.painting_size import scale_warnings, scaled_painting
+from styletrf.style.perceptual.perceptual_loss import PerceptualTerms
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import PaintingNetwork, StyleNetwork
 from styletrf.style.style_survey import gram_trace_ratio, trace_warnings
@@ -115,8 +116,9 @@ def _warn(config: StyleTrainingConfig, vgg: VGG16, style: Tensor, encoded: list[
     few = content_batches(encoded, batch=8, size_px=config.crop_px, seed=config.seed)
     with closing(few):
         content = next(few).to(vgg.mean.device)
-    ratio = gram_trace_ratio(vgg, shrunk(style.to(vgg.mean.device), config.style_px), content)
-    for warning in trace_warnings(ratio):
+    size = config.style_px, config.stroke_scale
+    ratio = gram_trace_ratio(vgg, scaled_painting(style.to(vgg.mean.device), *size), content)
+    for warning in [*scale_warnings(style.shape, *size), *trace_warnings(ratio)]:
         _LOGGER.warning(warning)
 
 

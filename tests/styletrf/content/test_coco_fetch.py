@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from expected_errors import rejects
+from huge_pictures import huge_png
 
 from styletrf.content.coco_fetch import coco_source
 from styletrf.content.content_images import ContentConfig, write_content_images
@@ -100,6 +101,14 @@ def test_an_image_the_server_does_not_have_is_skipped(server: Server, tmp_path: 
     source = coco_source(file, tmp_path / "cache")
     summary = write_content_images(source, tmp_path / "out", ContentConfig())
     assert (summary.count, summary.skipped) == (8, ("gone.jpg",))
+
+
+def test_an_image_of_too_many_pixels_is_skipped(server: Server, tmp_path: Path):
+    file = serve(server, tmp_path, {"1.jpg": [(200, huge_png().ljust(len(JPEG), b"\0"))]})
+    (tmp_path / "cache/1.jpg").write_bytes(huge_png())  # kept from another program
+    pauses: list[float] = []
+    assert coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg") == b""
+    assert (tmp_path / "cache/1.jpg").read_bytes() == huge_png()
 
 
 class Endless(BaseHTTPRequestHandler):

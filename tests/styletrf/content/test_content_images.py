@@ -8,7 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 from damaged_zips import FAULTS, spoil_first_member
 from expected_errors import rejects
+from huge_pictures import huge_png
 
+from styletrf.configuration import configured
 from styletrf.content import content_images
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import (
@@ -81,20 +83,22 @@ def test_shards_are_cut_at_their_size_and_lose_nothing(tmp_path: Path, monkeypat
     assert len({row["id"] for row in rows(folder)}) == len(rows(folder)) == 12
 
 
-def test_damaged_and_tiny_images_are_skipped_replaced_and_named(tmp_path: Path):
+def test_damaged_tiny_and_huge_images_are_skipped_replaced_and_named(tmp_path: Path):
     folder = photographs(tmp_path / "in", 12)
     whole = (folder / "000.jpg").read_bytes()
     (folder / "truncated.jpg").write_bytes(whole[: len(whole) // 2])
     (folder / "empty.png").write_bytes(b"")
     (folder / "text.jpg").write_text("no image")
     cv2.imwrite(str(folder / "tiny.png"), np.zeros((10, 300, 3), np.uint8))
+    (folder / "huge.png").write_bytes(huge_png())
+    names = ("empty.png", "huge.png", "text.jpg", "tiny.png", "truncated.jpg")
     (tmp_path / "out").mkdir()
     summary = write_content_images(folder_source(folder), tmp_path / "out", ContentConfig(count=12))
     assert summary.count == len(rows(tmp_path / "out")) == 12
-    assert set(summary.skipped) <= {"empty.png", "text.jpg", "tiny.png", "truncated.jpg"}
+    assert set(summary.skipped) <= set(names)
     (tmp_path / "all").mkdir()
     everything = write_content_images(folder_source(folder), tmp_path / "all", ContentConfig())
-    assert everything.skipped == ("empty.png", "text.jpg", "tiny.png", "truncated.jpg")
+    assert everything.skipped == names
     assert json.loads((tmp_path / "all" / "content.json").read_text())["count"] == 12
 
 
@@ -135,3 +139,15 @@ def test_progress_counts_to_the_number_wanted(tmp_path: Path):
     source = embedded_source([], n_procedural=9, seed=0)
     write_content_images(source, tmp_path, ContentConfig(), lambda *done: calls.append(done))
     assert calls == [(k, 9) for k in range(1, 10)]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("min_side_px", 0), ("min_side_px", 63), ("count", 0), ("count", -5), ("count", 7),
+     ("smallest_count", 0), ("smallest_count", -3)],
+)  # fmt: skip
+def test_settings_that_no_image_or_too_few_can_meet_are_refused(name, value):
+    """The size ended in a traceback for every image, and a negative count kept all."""
+    with rejects(f"setting {name!r}", name, str(value)):
+        configured(ContentConfig, {name: value})
+    assert configured(ContentConfig, {"count": 3, "smallest_count": 3}).count == 3

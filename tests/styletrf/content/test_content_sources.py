@@ -65,3 +65,14 @@ def test_no_folder_of_images_is_an_input_error(tmp_path: Path):
         folder_source(tmp_path / "absent")
     with rejects("the embedded content", ".png"):
         embedded_source([], 0, seed=0)
+
+
+def test_a_folder_behind_a_link_is_searched_and_a_loop_of_links_ends(tmp_path: Path):
+    for name in ("in/a.png", "disk/b.png", "disk/far/c.png"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    (tmp_path / "in/disk").symlink_to(tmp_path / "disk")
+    (tmp_path / "disk/loop").symlink_to(tmp_path / "in")
+    source = folder_source(tmp_path / "in")
+    assert source.names == ("a.png", "disk/b.png", "disk/far/c.png")
+    assert source.read("disk/far/c.png") == b"disk/far/c.png"

@@ -20,6 +20,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
     content_distance,
     distances,
     nearest_painting,
+    reduced,
 )
 from styletrf.evaluation.resemblance.sliced_wasserstein import SlicedWassersteinConfig
 from styletrf.evaluation.sharpness import sharpness
@@ -38,6 +39,13 @@ def picture(seed: int, height: int = 48, width: int = 64, cell: int = 4) -> np.n
     coarse = np.random.default_rng(seed).random((height // cell, width // cell, 3))
     tinted = coarse ** (1 + seed % 3)
     return np.kron(tinted, np.ones((cell, cell, 1))).astype(np.float32)
+
+
+def smooth(width: int) -> np.ndarray:
+    """One picture at any size: waves of ten pixels or more where it has 64."""
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) * 64 / width for n in (width, width * 3 // 4)))
+    waves = [np.sin(x / a + y / b) for a, b in ((3, 5), (4, -2.5), (-2, 6))]
+    return (0.5 + 0.4 * np.dstack(waves)).astype(np.float32)
 
 
 def measured(meter: TraitMeter, plain, stylized, painting, priors=(), frames=2):
@@ -74,6 +82,27 @@ def test_the_painting_in_place_of_the_frames_has_ratios_of_zero(meter: TraitMete
         assert summary[f"{name}_unstylized"] > 0
     assert summary["content"] > 0
     assert summary["sharpness_to_priors"] == pytest.approx(sharpness(painting) / sharpness(frame))
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_sharpness_of_one_picture_is_the_priors_whatever_their_size(meter: TraitMeter, scale):
+    frame = smooth(64)
+    prior = reduced(smooth(128), round(64 * scale)) if scale != 1 else frame
+    _, summary = measured(meter, frame, frame, picture(1), [prior], frames=1)
+    close = 1e-12 if scale == 1 else 0.05
+    assert summary["sharpness_to_priors"] == pytest.approx(1, abs=close)
+    assert summary["sharpness_to_priors"] * summary["sharpness_priors"] == pytest.approx(
+        summary["sharpness"]
+    ), "which stand beside each other in the report"
+
+
+@pytest.mark.parametrize("width", [64, 128])
+def test_sharpness_beside_priors_as_large_is_that_of_the_frame_as_it_is_looked_at(
+    meter: TraitMeter, width
+):
+    frame = picture(0, width * 3 // 4, width)
+    rows, summary = measured(meter, frame, frame, picture(1), [frame], frames=1)
+    assert rows[0].sharpness == meter.of_frame(frame).sharpness == summary["sharpness_priors"]
 
 
 def test_a_scene_that_is_the_painting_has_no_ratios(meter: TraitMeter):

@@ -1,5 +1,7 @@
 """A smaller field shows the same: cropping changes nothing, dropping no more than is allowed."""
 
+import copy
+import math
 from dataclasses import replace
 
 import pytest
@@ -14,6 +16,7 @@ from styletrf.field.occupancy import occupied_voxels
 from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
 from styletrf.field.tensor_vm import TensorVM
+from styletrf.field.training import field_training
 from styletrf.field.view_rays import ViewRays
 from styletrf.geometry.space import Bounds
 
@@ -94,26 +97,52 @@ def test_components_that_others_make_up_go_and_what_is_seen_stays(scene, tmp_pat
     )
 
 
-def test_a_field_whose_loss_may_not_rise_keeps_its_components(scene):
+def field_of_full_rank() -> RadianceField:
+    """A field all of whose components can be seen."""
     field = field_with_a_block()
-    with torch.no_grad():  # planes and lines of full rank
+    with torch.no_grad():
         for factor in (*field.density.factors.planes, *field.density.factors.lines):
             factor.add_(0.3 * torch.rand(factor.shape, generator=torch.Generator().manual_seed(3)))
     field.density.occupancy = torch.ones(1, 1, 1, dtype=torch.uint8)
+    return field
+
+
+@pytest.fixture
+def field_and_loss(scene):
+    """A field of full rank, and a loss: how far a field is from showing what that one shows."""
+    field = field_of_full_rank()
     reference = shown(scene, field).color.clone()
 
     def loss(candidate):
         return 1e-12 + float((shown(scene, candidate).color - reference).square().mean())
 
+    return field, loss
+
+
+def test_a_field_whose_loss_may_not_rise_keeps_its_components(field_and_loss):
+    field, loss = field_and_loss
     assert compress(field, loss, 0.5).density_ranks == (8, 8, 8)
 
 
-def test_a_fitted_field_is_shrunk_within_the_bound(scene):
-    large = replace(CONFIG, field=FieldConfig((8, 8, 8), (12, 12, 12), features=8, hidden=16))
-    whole, small = (fit(scene, replace(large, shrink_rise=rise)) for rise in (0.0, 0.5))
-    errors = [
-        float((shown(scene, field).color - scene.images[1] / 255).square().mean())
-        for field in (whole, small)
-    ]
-    assert errors[1] < 1.7 * errors[0]  # of other pixels than those that were allowed 1.5
+def test_a_field_loses_components_as_far_as_the_bound_and_no_further(field_and_loss):
+    field, loss = field_and_loss
+    whole = compress(copy.deepcopy(field), loss, math.inf)
+    most = 0.9 * whole.loss_after / whole.loss_before
+    part = compress(field, loss, most - 1)
+    assert part.loss_after <= most * part.loss_before < whole.loss_after
+    assert sum(whole.density_ranks) < sum(part.density_ranks) < 24
+
+
+def test_a_finished_fit_is_shrunk_by_the_bound_of_its_settings(scene, monkeypatch):
+    seen = []
+
+    def spied(field, loss_of, most_rise):
+        seen.append((most_rise, loss_of(field)))
+        return compress(field, loss_of, most_rise)
+
+    monkeypatch.setattr(field_training, "compress", spied)
+    config = replace(CONFIG, field=FieldConfig((8, 2, 2), (4, 2, 2)), iterations=10)
+    whole, small = (fit(scene, replace(config, shrink_rise=rise)) for rise in (0.0, 0.5))
+    error = (shown(scene, whole).color - scene.images[1] / 255).square().mean()
+    assert seen == [(0.5, pytest.approx(float(error), rel=0.5))]  # of all photographs
     assert sum(p.numel() for p in small.parameters()) < sum(p.numel() for p in whole.parameters())

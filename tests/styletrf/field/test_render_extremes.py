@@ -123,7 +123,7 @@ def test_features_of_any_size_render(backend, raw, stability):
         ([0.0, 0.0, 1.0 - 1e-3], False),  # and ends there
     ],
 )
-def test_hazard_20_cameras_inside_on_faces_and_on_the_near_plane(backend, center, hits):
+def test_cameras_inside_on_faces_and_on_the_near_plane_see_what_is_ahead(backend, center, hits):
     field = small_field(density_scale=20.0)
     camera = replace(camera_at(center), cx=0.5, cy=0.5)  # the first pixel looks along z
     segments = rays_of(camera, box_space(), 0.3)
@@ -150,14 +150,14 @@ def test_an_empty_occupancy_grid_shows_the_background(backend):
     assert_background(field, render_rays(field, backend, segments, RenderConfig()))
 
 
-def test_hazard_1_a_field_without_density_is_looked_for_everywhere(backend):
+def test_a_field_without_density_is_looked_for_everywhere(backend):
     """An empty grid would never let it recover."""
     field = small_field(density_shift=-30.0)
     occupancy = occupied_voxels(field.density, backend, 0.1, 0.01)
     assert (occupancy == 1).all()
 
 
-def test_hazard_8_the_depth_of_a_half_transparent_ray(backend, stability):
+def test_the_clear_part_of_a_half_transparent_ray_has_the_depth_of_its_end(backend, stability):
     """Its clear part counts at the far end: the mean of the sample's depth and far."""
     field = small_field()
     with torch.no_grad():

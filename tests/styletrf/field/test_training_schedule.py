@@ -63,9 +63,11 @@ def test_sizes_of_a_field_that_cannot_work_are_refused(name, value):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("min_weight", 1.0), ("termination", 1.0), ("rate_decay", 0.0), ("rate_decay", 1.5)],
-)
-def test_fractions_out_of_range_are_refused(name, value):
+    [("min_weight", 1.0), ("termination", 1.0), ("rate_decay", 0.0), ("rate_decay", 1.5),
+     ("occupancy_alpha", -0.1), ("occupancy_alpha", 1.0), ("factor_rate", 0.0),
+     ("network_rate", 0.0), ("tv_density", -0.1), ("tv_appearance", -0.1)],
+)  # fmt: skip
+def test_fractions_rates_and_weights_out_of_range_are_refused(name, value):
     with pytest.raises(ValueError, match=name):
         FieldTrainingConfig(**{name: value})
 

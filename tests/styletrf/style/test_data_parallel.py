@@ -48,7 +48,8 @@ def test_the_mean_of_the_shares_gradients_is_that_of_the_batch():
     (torch.arange(12.0).reshape(4, 3) @ weight).square().mean().backward()
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["torch", "styletrf.style.training.data_parallel"])
     results = context.SimpleQueue()
     processes = [context.Process(target=_step, args=(rank, port, results)) for rank in range(2)]
     for process in processes:

@@ -1,5 +1,8 @@
 """A view optimized towards a style: nearer to it than it was, of its own size."""
 
+from dataclasses import replace
+from itertools import combinations
+
 import pytest
 import torch
 
@@ -25,6 +28,17 @@ def test_the_painted_view_is_nearer_to_the_style(vgg, size, start):
         for i in (content, painted)
     )  # fmt: skip
     assert after < before
+
+
+def test_a_stroke_scale_changes_the_view_however_few_pixels_the_painting_has(vgg):
+    generator = torch.Generator().manual_seed(0)
+    content, style = (torch.rand(s, s, 3, generator=generator) for s in (16, 32))
+    usual = GatysConfig(style_px=64, iterations=(1,), start="content")
+    views = [
+        paint_by_optimization(vgg, content, style, replace(usual, stroke_scale=scale))
+        for scale in (1.0, 1.5, 2.0)
+    ]
+    assert not any(torch.equal(a, b) for a, b in combinations(views, 2))
 
 
 def test_the_start_from_a_network_needs_its_painting(vgg):

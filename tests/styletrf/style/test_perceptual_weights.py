@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from expected_errors import rejects
+from other_files import OTHER_FILES
 from safetensors import safe_open
 from torch.nn import functional
 
@@ -111,6 +112,14 @@ def test_what_is_no_weights_file_is_an_input_error(tmp_path: Path, name: str):
     with rejects(tmp_path / name):
         build_perceptual_weights(str(tmp_path / name), tmp_path)
     assert not (tmp_path / "vgg16.safetensors").exists()
+
+
+@pytest.mark.parametrize("content", OTHER_FILES)
+def test_another_file_in_the_place_of_a_checkpoint_is_an_input_error(tmp_path: Path, content):
+    (tmp_path / "vgg16.pth").write_bytes(content)
+    with rejects(tmp_path / "vgg16.pth", "VGG16") as caught:
+        build_perceptual_weights(str(tmp_path / "vgg16.pth"), tmp_path)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("content", [[1, 2], {"features.0.weight": "no tensor"}, None])

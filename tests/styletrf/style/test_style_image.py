@@ -1,4 +1,5 @@
 import base64
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -89,6 +90,49 @@ def test_a_painting_of_eight_to_one_is_used_whole(tmp_path: Path, caplog: pytest
     bgr = painting(300, 2400)
     assert read_style_image(write(tmp_path / "a.png", bgr)).shape == bgr.shape
     assert not caplog.records
+
+
+@pytest.fixture
+def most_px(monkeypatch: pytest.MonkeyPatch) -> int:
+    """The longest that a shorter side may be, which here makes small files large."""
+    monkeypatch.setattr("styletrf.style.style_image.MOST_SHORT_SIDE_PX", 128)
+    return 128
+
+
+@pytest.mark.parametrize(("height", "width"), [(129, 140), (256, 262), (600, 500), (200, 1600)])
+def test_a_large_scan_is_reduced_to_the_most_pixels_a_side_and_shows_all_of_it(
+    tmp_path: Path, most_px: int, height: int, width: int
+):
+    ramp = np.add.outer(np.linspace(0, 127, height), np.linspace(0, 128, width))
+    bgr = np.dstack([ramp, ramp[::-1], 255 - ramp]).astype(np.uint8)
+    image = read_style_image(write(tmp_path / "a.png", bgr))
+    assert min(image.shape[:2]) == most_px
+    assert image.shape[0] * width == pytest.approx(image.shape[1] * height, rel=0.5 / most_px)
+    rows, columns = (np.linspace(0, n - 1, 9).astype(int) for n in image.shape[:2])
+    there = np.ix_((rows * height) // image.shape[0], (columns * width) // image.shape[1])
+    np.testing.assert_allclose(image[np.ix_(rows, columns)], bgr[there][..., ::-1] / 255, atol=0.03)
+
+
+@pytest.mark.parametrize(("height", "width"), [(128, 128), (127, 400), (128, 1000)])
+def test_a_painting_of_the_most_pixels_a_side_keeps_each_of_them(
+    tmp_path: Path, most_px: int, height: int, width: int
+):
+    bgr = painting(height, width)
+    image = read_style_image(write(tmp_path / "a.png", bgr))
+    assert (np.rint(255 * image) == bgr[..., ::-1]).all()
+
+
+def test_of_a_large_scan_no_floating_point_picture_is_made(tmp_path: Path, most_px: int):
+    """Its covariance alone took 54 bytes a pixel."""
+    bgr = painting(8 * most_px, 8 * most_px)
+    path = write(tmp_path / "a.png", bgr)
+    tracemalloc.start()
+    try:
+        read_style_image(path)
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 5 * bgr.size, "less than in float32, beside the file and its decoding"
 
 
 def test_orientation_of_the_camera_is_followed(tmp_path: Path):

@@ -6,16 +6,19 @@ from unittest.mock import patch
 import pytest
 import torch
 from expected_errors import rejects
+from message_words import mentions
 from tiny_style_training import TINY, style, trained
 from torch import Tensor
 
 from styletrf.configuration import configured
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import embedded_source
+from styletrf.style.perceptual import painting_size
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
 from styletrf.style.training import step
+from styletrf.style.training.checkpoint import read_checkpoint
 from styletrf.style.training.config import StyleTrainingConfig, with_style_parameters
 from styletrf.style.training.step import StyleStep
 from styletrf.style.training.temporal_loss import (
@@ -64,8 +67,24 @@ def test_settings_of_a_training_that_cannot_work_are_refused(name, value):
         configured(StyleTrainingConfig, {name: value})
 
 
-def test_the_smallest_strokes_are_those_of_a_painting_that_can_be_looked_at():
-    assert with_style_parameters(TINY, 0.01, 1.0).style_px == 16
+def test_a_stroke_scale_reaches_the_loss_however_few_pixels_the_painting_has(vgg: VGG16):
+    """Up to the painting's own size alone: beyond it every scale gave the same network."""
+    content = torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    losses = set()
+    for scale in (1.0, 1.5, 2.0):
+        training, config = begin(with_style_parameters(TINY, scale, 1.0), torch.device("cpu"))
+        terms = StyleStep(config, vgg, style()).terms(training.network, 2, content)
+        losses.add(float(terms.style.detach()))
+    assert len(losses) == 3
+
+
+def test_a_stroke_scale_without_further_effect_is_in_the_log(
+    vgg: VGG16, content: Path, tmp_path: Path, caplog, monkeypatch
+):
+    monkeypatch.setattr(painting_size, "MOST_SHORT_SIDE_PX", 96)  # 1.5 times the painting
+    config = with_style_parameters(replace(TINY, iterations=1), 4.0, 1.0)
+    trained(config, vgg, content, tmp_path)
+    assert mentions(caplog.text, "--stroke-scale 4", "1.5")
 
 
 def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: Path):
@@ -132,9 +151,12 @@ def test_the_network_repeats_the_photograph_first_for_at_most_a_third_of_the_ite
     vgg: VGG16, content: Path, tmp_path: Path
 ):
     config = replace(TINY, iterations=180, identity_iterations=150, final_learning_rate=3e-3)
-    _, curve = trained(config, vgg, content, tmp_path)
-    first, rest = curve[:60], curve[60:]
-    assert len(rest) == 120
+    with pytest.raises(KilledError):
+        trained(config, vgg, content, tmp_path, progress=killed_at(70), checkpoint_s=0.0)
+    training, _ = begin(config, vgg.mean.device)
+    read_checkpoint(tmp_path, training)
+    first, rest = training.curve[:60], training.curve[60:]
+    assert len(rest) == 9
     assert all(row.style == row.tv == 0 for row in first)
     assert sum(row.content for row in first[-20:]) < sum(row.content for row in first[:20])
     assert all(row.style > 0 for row in rest)
@@ -152,7 +174,7 @@ def test_a_term_that_is_not_finite_stops_and_is_named(
     vgg: VGG16, content: Path, tmp_path: Path, term: str
 ):
     weights = {"content_weight": 1.0, "style_weight": 1.0, "tv_weight": 1.0}
-    loss = PerceptualLossConfig(**(weights | {f"{term}_weight": float("inf")}))
+    loss = PerceptualLossConfig(**(weights | {f"{term}_weight": 1e300}))
     with rejects("style training", term) as caught:
         trained(replace(TINY, identity_iterations=0, loss=loss), vgg, content, tmp_path)
     assert "--StyleNetwork-settings" in caught.value.remedy

@@ -93,5 +93,5 @@ def test_the_weight_stays_where_it_cannot_follow(loss):
     "wrong", [{"level": 0.0}, {"rate": -1.0}, {"least_factor": 0.0}, {"least_factor": 2.0}]
 )
 def test_a_setting_of_the_constraint_out_of_range_is_refused(wrong):
-    with pytest.raises(ValueError, match="{}={}".format(*next(iter(wrong.items())))):
+    with pytest.raises(ValueError, match="{} is {}".format(*next(iter(wrong.items())))):
         ContentConstraintConfig(**wrong)

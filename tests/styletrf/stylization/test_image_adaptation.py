@@ -230,7 +230,7 @@ def test_the_loss_sees_an_object_on_its_mean_color_and_not_on_its_background(sce
         seen.append((image.detach(), plain))
         return image.mean()
 
-    space, config = scene.model.space, ImageAdaptationConfig(iterations=1, rate=0.0)
+    space, config = scene.model.space, ImageAdaptationConfig(iterations=1, rate=1e-9)
     for of_views in (None, ground):
         adapt_to_image_loss(
             field, scene.cameras[:1], (scene.images[:1], scene.images[:1]), space,
@@ -315,7 +315,7 @@ def test_a_new_field_leaves_free_space_empty(scene):
 def test_the_factors_of_the_controls_steer_the_loss_of_renders():
     usual = StylizationConfig()
     with_style_parameters = usual.with_style_parameters(stroke_scale=2.0, content_weight=0.5)
-    assert with_style_parameters.style_px == 2 * usual.style_px
+    assert with_style_parameters.stroke_scale == 2 * usual.stroke_scale
     assert with_style_parameters.image_loss.content_weight == 0.5 * usual.image_loss.content_weight
     assert with_style_parameters.content.level == usual.content.level / 0.5
     assert usual.with_style_parameters(1.0, 1.0) == usual

@@ -4,6 +4,7 @@ import pytest
 from expected_errors import rejects
 
 from styletrf.configuration import configured
+from styletrf.evaluation.quality import QualityConfig
 from styletrf.evaluation.stylization_loss import StylizationLossConfig
 from styletrf.field.rendering import RenderConfig
 from styletrf.style.gatys import GatysConfig
@@ -17,6 +18,7 @@ from styletrf.stylization.strategies import StylizationConfig
     ("config", "name", "value"),
     [
         (StylizationConfig, "style_px", 15),
+        (StylizationConfig, "stroke_scale", 0.0),
         (StylizationConfig, "image.iterations", -1),
         (StylizationConfig, "image.window_px", 15),
         (StylizationConfig, "image.rate_decay", 1.5),
@@ -26,7 +28,12 @@ from styletrf.stylization.strategies import StylizationConfig
         (StylizationConfig, "adaptation.min_weight", 1.0),
         (StylizationConfig, "adaptation.termination", -0.1),
         (StylizationConfig, "weight_power.powers", (1.0, 9.0)),
+        (StylizationConfig, "adaptation.factor_rate", 0.0),
+        (StylizationConfig, "adaptation.network_rate", 0.0),
+        (StylizationConfig, "image.rate", 0.0),
         (GatysConfig, "rate", 0.0),
+        (GatysConfig, "style_px", 0),
+        (GatysConfig, "style_px", 15),
         (GatysConfig, "iterations", ()),
         (GatysConfig, "iterations", (5, -1)),
         (StylizationLossConfig, "style_px", 7),
@@ -42,6 +49,10 @@ from styletrf.stylization.strategies import StylizationConfig
         (PriorsConfig, "coverage.times", 0),
         (PriorsConfig, "coverage.share", 0.0),
         (PriorsConfig, "coverage.once", 1.5),
+        (QualityConfig, "long_side_px", -1),
+        (QualityConfig, "long_side_px", 10),
+        (QualityConfig, "perceptual_px", 7),
+        (StyleTrainingConfig, "normalization_rate", 0.0),
         (StyleTrainingConfig, "network.width", 0),
         (StyleTrainingConfig, "network.n_residual", -1),
         (StyleTrainingConfig, "temporal_loss.every", 0),
@@ -72,7 +83,5 @@ def test_the_smallest_values_that_work_are_accepted():
     configured(PriorsConfig, {"long_side_px": 64})
     assert configured(PriorsConfig, {"long_side_px": 0}).long_side_px == 0
     configured(StylizationLossConfig, {"style_px": 8})
-
-
-def test_a_painting_is_never_reduced_below_what_networks_take():
-    assert StylizationConfig().with_style_parameters(0.001, 1.0).style_px == 16
+    configured(GatysConfig, {"style_px": 16})
+    assert configured(QualityConfig, {"long_side_px": 0}).long_side_px == 0

@@ -22,11 +22,12 @@ def opened(address: str, width: int = 1000) -> Iterator[OpenPage]:
         _browsers[width] = stack, stack.enter_context(headless.opened("about:blank", width))
     page = _browsers[width][1]
     try:
-        page.command("Page.navigate", url="about:blank")
+        page.run("")  # reads what the page before it logged last
         page.errors.clear()
         page.command("Page.navigate", url=address)
         page.run("await until(() => document.readyState === 'complete');")
         yield page
+        page.command("Page.navigate", url="about:blank")  # else it would go on drawing
     except BaseException:  # whatever it did to the browser, the next test has another one
         _browsers.pop(width)[0].close()
         raise

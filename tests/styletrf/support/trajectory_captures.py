@@ -1,5 +1,7 @@
 """Captures of several kinds, and their scene models."""
 
+from functools import cache
+
 import numpy as np
 from captures import (
     arc,
@@ -11,7 +13,8 @@ from captures import (
     walk,
 )
 
-from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
+from styletrf.geometry.cameras import Camera, moved
+from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
 
 CAPTURES = {
     "forward": lambda: (forward_cameras(), points_before(forward_cameras())),
@@ -24,11 +27,13 @@ CAPTURES = {
 }
 
 
-def modeled(capture: str):
-    """The capture's views in the normalized world, and the model."""
+@cache
+def modeled(capture: str, size: float = 1.0) -> tuple[list[Camera], SceneModel]:
+    """The capture's views in the normalized world, and the model, in a world so large."""
     cameras, points = CAPTURES[capture]()
-    model = decide_scene_model(cameras, points, SceneModelConfig())
-    return model.normalized(cameras), model
+    resized = [moved(camera, np.diag([size, size, size, 1.0])) for camera in cameras]
+    model = decide_scene_model(resized, size * points, SceneModelConfig())
+    return model.normalized(resized), model
 
 
 def centers_of(cameras) -> np.ndarray:

@@ -15,9 +15,9 @@ def written(content, path: Path, **more) -> Path:
     return path
 
 
-def written_small(content, path: Path, width: int = 160) -> Path:
+def written_small(content, path: Path, width: int = 160, **more) -> Path:
     """Returns a viewer whose pictures are at most so wide: quick ones."""
-    page = written(content, path)
+    page = written(content, path, **more)
     with_text(page, page, '"mostPixels": 1600', f'"mostPixels": {width}')
     return page
 

@@ -113,7 +113,7 @@ def test_sums_along_rays_are_linear_in_the_values(backend):
 
 
 def test_unoccupied_voxels_are_passed_over_and_axes_are_not_mixed_up(backend):
-    """One occupied voxel of a grid that is different along each axis (peers' hazard 22)."""
+    """One occupied voxel of a grid that is different along each axis."""
     occupancy = torch.zeros(2, 3, 5, dtype=torch.uint8)
     occupancy[1, 0, 3] = 1
     march = March(occupancy, 0.0, 1.0, 0.0)
