@@ -39,11 +39,16 @@ from styletrf.files.images import from_integers, read_rgb, to_integers
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.point_table import SparsePoints, read_points
-from styletrf.scene.exposure_choice import ExposureEvidence, exposure_evidence
+from styletrf.scene.exposure_choice import (
+    ExposureEvidence,
+    exposure_evidence,
+    taken_by_several,
+)
 from styletrf.scene.exposures import MIDDLE
 from styletrf.scene.free_space import free_space
 from styletrf.scene.observed_colors import observed_colors
 from styletrf.scene.scene_model import SceneModel, SceneModelConfig, decide_scene_model
+from styletrf.scene.training_photographs import read_training_photographs
 from styletrf.scene.view_dependence import ViewDependence, view_dependence
 from styletrf.trajectory.frames import rendered
 from styletrf.trajectory.trajectories import fly_through
@@ -82,6 +87,7 @@ class Photographs:
     images: list[Image]
     points: SparsePoints
     fitted: list[int]
+    several_cameras: bool
 
     @property
     def held_out(self) -> list[int]:
@@ -100,7 +106,8 @@ def photographs_of(name: str, changes: Changes) -> Photographs:
     points = read_points(folder / "points.parquet")
     fitted = read_fitted_rows(folder / "cameras.parquet")
     changed = list(changes.applied(images))
-    return Photographs(cameras, changed, points, fitted)
+    several_cameras = taken_by_several(read_training_photographs(folder).long_sides_px)
+    return Photographs(cameras, changed, points, fitted, several_cameras)
 
 
 def evidence_of(photographs: Photographs) -> tuple[ExposureEvidence, ViewDependence]:
@@ -108,7 +115,9 @@ def evidence_of(photographs: Photographs) -> tuple[ExposureEvidence, ViewDepende
     fitted, points = photographs.fitted, photographs.points.of_images(photographs.fitted)
     cameras = [photographs.cameras[k] for k in fitted]
     observed = observed_colors([photographs.images[k] for k in fitted], points)
-    exposure = exposure_evidence(points, observed.log_color, cameras)
+    exposure = exposure_evidence(
+        points, observed.log_color, cameras, several_cameras=photographs.several_cameras
+    )
     return exposure, view_dependence(observed, points, cameras)
 
 

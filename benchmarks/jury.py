@@ -13,6 +13,7 @@ from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
 from styletrf.evaluation.resemblance.frame_resemblance import (
     ResemblanceConfig,
+    common_side_px,
     frame_resemblance,
     summary,
 )
@@ -20,6 +21,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
     PictureTraits,
     TraitMeter,
     nearest_painting,
+    reduced,
 )
 from styletrf.even_spread import evenly_spread
 from styletrf.files.float_images import read_float_image
@@ -66,13 +68,15 @@ class Jury:
         plain, painted = map(list, zip(*result.views(self._config.frames), strict=True))
         style = read_style_image(result.painting)
         priors = [_read(p) for p in _files(result.priors).values()] if result.priors else []
-        looked_at = [self._meter.of_frame(image) for image in plain]
+        side_px = common_side_px(plain[0], priors, self._config.traits)
+        priors = [reduced(prior, side_px) for prior in priors]
+        looked_at = [self._meter.of_frame(image, side_px) for image in plain]
         shown = {result.name: (painted, priors)}
         if baseline:
             shown[f"{result.name}, color map"] = (with_colors_of(style, plain), [])
         for name, (images, fitted_to) in shown.items():
             traits = self._meter.of_painting(style, plain[0])
-            seen = [self._meter.of_frame(image) for image in images]
+            seen = [self._meter.of_frame(image, side_px) for image in images]
             rows = [
                 frame_resemblance("", a, b, traits) for a, b in zip(looked_at, seen, strict=True)
             ]

@@ -112,7 +112,7 @@ def _to_painted_frames(job: Stylization, stage: StylizedField) -> float:
     plain = [read_float_image(folder / "frames" / f"{c.name}.exr").color for c in cameras]
     paint = network_painter(artifact(network), torch.device("cpu"))
     style = read_rgb(artifact(painter.requires()["style"]) / "style.png")
-    wanted = in_colors(painted(paint, plain), plain, style, "style")
+    wanted = in_colors(painted(paint, [c.name for c in cameras], plain), plain, style, "style")
     shown = rendered(
         job.field, job.model.space, cameras, RenderConfig(1e-3, 1e-3), torch.device("cpu")
     )

@@ -25,15 +25,17 @@ def compile_field_kernels() -> None:
 
 
 def compile_courtyard_and_matching_kernels() -> None:
-    """Renders two small views of the courtyard, and matches two features."""
+    """Renders two small views of the courtyard and one all around, and matches two features."""
     import numpy as np
 
     from styletrf.sfm.matching.mutual_matches import mutual_matches
     from styletrf.synthetic.courtyard.capture import CourtyardConfig
     from styletrf.synthetic.courtyard.folder import write_courtyard
+    from styletrf.synthetic.courtyard.panorama import render_panorama
 
     with TemporaryDirectory() as folder:
         write_courtyard(Path(folder), CourtyardConfig(n_views=2, width=16, height=12))
+    render_panorama(np.eye(3, 4), 2, CourtyardConfig())
     feature = np.full((1, 128), 45, np.uint8)
     mutual_matches(feature, [feature])
 
@@ -59,10 +61,26 @@ def compile_viewer_kernels() -> None:
     refit_kernels.residuals(*samples, rest, starts, rest, tint, 1, values, of_samples, sums)
 
 
+def compile_splat_kernels() -> None:
+    """Draws a splat, and differentiates the picture, in the types of a fit."""
+    import numpy as np
+    import torch
+
+    from styletrf.exports.splat_pictures import splat_picture
+    from styletrf.exports.splats import splats_of, tensors_of
+    from styletrf.geometry.cameras import Camera
+
+    splat = tensors_of(splats_of(np.array([[0.0, 0.0, 1.0]]), np.eye(3)[None]))
+    camera = Camera("front", 2, 2, 2.0, 2.0, 1.0, 1.0, np.eye(3, 4))
+    colors = torch.ones(1, 3, requires_grad=True)
+    splat_picture(splat, colors, camera, torch.zeros(3)).sum().backward()
+
+
 def compile_all_but_the_field() -> None:
     """Compiles what takes less time together than the kernels of the field do."""
     compile_courtyard_and_matching_kernels()
     compile_viewer_kernels()
+    compile_splat_kernels()
 
 
 COMPILATIONS: tuple[Callable[[], None], ...] = (

@@ -1,10 +1,11 @@
 """What every test runs in: a store of its own, and nothing left in Luigi from the test before."""
 
+import gc
+import itertools
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Generator, Iterator
 from typing import Any
 
 import pytest
@@ -23,6 +24,20 @@ pytest_plugins = ["durations", "stability"]
 # How long an example takes depends on what else the machine does.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+
+_stores = itertools.count()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is imported and collected stays, so the garbage collector need not go through it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -72,9 +87,17 @@ def _repeatable() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _isolated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A store under `tmp_path`; Luigi's register and instances as they were before the test."""
-    monkeypatch.setenv("STYLETRF_STORE", str(tmp_path / "store"))
+def _isolated(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[None]:
+    """A store of its own; Luigi's register and instances as they were before the test."""
+    if "tmp_path" in request.fixturenames:
+        store = request.getfixturevalue("tmp_path") / "store"
+    else:  # most tests need no folder, which takes longer to make than they do
+        store = tmp_path_factory.getbasetemp() / f"store-{next(_stores)}"
+    monkeypatch.setenv("STYLETRF_STORE", str(store))
     monkeypatch.delenv("STYLETRF_REMOTE", raising=False)
     known = list(register._reg) if (register := _register()) else None
     yield

@@ -12,7 +12,7 @@ from styletrf.capture.views import load_views
 from styletrf.devices import device_named
 from styletrf.evaluation.quality import views_that_count
 from styletrf.exports.blender_bundle import write_blender_bundle
-from styletrf.exports.camera_files import write_colmap_text, write_transforms
+from styletrf.exports.camera_files import write_colmap_model, write_transforms
 from styletrf.exports.export_views import ExportViews, Look, export_views
 from styletrf.exports.splat_export import MOST_SPLATS, HeldOut, export_splats
 from styletrf.exports.surface_export import export_mesh, export_points
@@ -39,7 +39,7 @@ def export_scene(
     """Writes the files of one format, and `export.json` with their content and loss.
 
     Args:
-        inputs: `poses`, `trajectory`; but for cameras `field`, `model`, and `stylized NAME` of each
+        inputs: `poses`, `trajectory`, `model`; but for cameras `field`, and `stylized NAME` of each
             style.
         out: The folder to fill.
         settings: Empty.
@@ -103,7 +103,7 @@ def _export_cameras(inputs: Mapping[str, Path], out: Path) -> dict[str, Any]:
     write_transforms(out / "transforms_path.json", path, "frames", ".exr")
     for name, some, suffix in (("sparse", cameras, ".png"), ("sparse_path", path, ".exr")):
         (out / name / "0").mkdir(parents=True)
-        write_colmap_text(out / name / "0", some, suffix)
+        write_colmap_model(out / name / "0", some, suffix)
     model = read_scene_model(inputs["model"] / "scene.json")
     scale = float(np.cbrt(np.linalg.det(model.normalized_from_world[:3, :3])))
     counts = {"photographs": len(cameras), "path": len(path)}

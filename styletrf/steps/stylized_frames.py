@@ -78,8 +78,9 @@ def render_stylized(
 
     Args:
         inputs: `trajectory`; `field`, `model` and `stylized` for frames of a field, or `network`
-            and `style` for frames that are stylized independently; `blend NAME` of other styles;
-            `priors` for a mask; or `trajectory` and the shards to join.
+            and `style` for frames that are stylized independently (without `style` they keep the
+            network's colors); `blend NAME` of other styles; `priors` for a mask; or `trajectory`
+            and the shards to join.
         out: The folder to fill.
         settings: Those of `RenderConfig`.
         run: Its progress is the number of frames.
@@ -142,16 +143,18 @@ def _frames_by_network(
 ) -> Iterator[Any]:  # fmt: skip
     """Yields every frame, stylized independently and blended with the unstylized one by strength.
 
-    One color map for all frames transfers the painting's colors and contrast, as for the priors.
+    One color map for all frames transfers the painting's colors and contrast, as for the priors,
+    if the painting is given.
     """
     background = empty_background(float_images(inputs["trajectory"]))
     plain, again = (float_images(inputs["trajectory"], cameras) for _ in range(2))
     content = (replace_background([view], background)[0] for view in plain)
     paint = network_painter(inputs["network"], device)
-    colors = _map_to_painting(inputs, paint, background)
-    views = each_painted(paint, content, len(cameras), progress)
+    colors = _map_to_painting(inputs, paint, background) if "style" in inputs else None
+    views = each_painted(paint, [camera.name for camera in cameras], content, progress)
     for image, before in zip(views, again, strict=True):
-        (shown,) = restore_background([recolored(image, colors)], [before], background)
+        painted = image if colors is None else recolored(image, colors)
+        (shown,) = restore_background([painted], [before], background)
         yield blend.strength * shown + (1 - blend.strength) * before.color
 
 
@@ -164,7 +167,7 @@ def _map_to_painting(
     views = float_images(inputs["trajectory"], chosen)
     content = (replace_background([view], background)[0] for view in views)
     step = math.ceil(max(path[0].width, path[0].height) / _SIDE_FOR_COLORS_PX)
-    painted = each_painted(paint, content, len(chosen))
+    painted = each_painted(paint, [camera.name for camera in chosen], content)
     shown = [image[::step, ::step].copy() for image in painted]
     return map_to_painting(shown, read_rgb(inputs["style"] / "style.png"))
 

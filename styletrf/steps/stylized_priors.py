@@ -53,11 +53,12 @@ def stylize_priors(
         inputs: `priors` and `style`; without factors `network`; with them `perceptual`, and
             `network` if the start of `settings` is `network` (the default); from the second round
             on also `before`, the field of the previous round, with `field` and `model`; or
-            `priors`, `style` and the shards to join.
+            `priors`, `style` and the shards to join. Without `style`, a painting that the network
+            may never have seen, views keep the colors of the network.
         out: The folder to fill.
         settings: Those of `GatysConfig`, where pixels are optimized.
         run: Its progress is the number of views.
-        colors: The source of the colors.
+        colors: The source of the colors; others than `style` need `style` among the inputs.
         factors: The stroke scale and content weight of an optimization of pixels (Gatys et al.),
             which starts from the network's pictures unless its settings say otherwise; empty for a
             network alone.
@@ -74,15 +75,17 @@ def stylize_priors(
         views = [view for shard in shards for view in shard]
     else:
         device = device_named(run.device_name)
-        content = _content(inputs, shard_of(cameras, run.shard), background, device)
+        own = shard_of(cameras, run.shard)
+        content = _content(inputs, own, background, device)
         paint = _painter(inputs, settings, factors, device)
-        views = painted(paint, content, run.progress)
+        views = painted(paint, [camera.name for camera in own], content, run.progress)
     if run.shard:
         save_painted(out / "painted.safetensors", views)
         return
-    painting = read_rgb(inputs["style"] / "style.png")
-    replaced = replace_background(plain, background)
-    shown = restore_background(in_colors(views, replaced, painting, colors), plain, background)
+    if colors != "style" or "style" in inputs:
+        painting = read_rgb(inputs["style"] / "style.png")
+        views = in_colors(views, replace_background(plain, background), painting, colors)
+    shown = restore_background(views, plain, background)
     write_pictures(out, [camera.name for camera in cameras], iter(shown))
 
 

@@ -45,6 +45,8 @@ def render_trajectory(
         """Returns the requested path; for `auto` a fly-through as wide as photographs support."""
         found = _supported(source, path, config)
         write_support(out / "support.json", path_name, found, config.support)
+        if not config.enlarged:  # the cameras found are no larger than the photographs
+            return list(found.cameras)
         return [at_size(camera, config.long_side_px, 0.0) for camera in found.cameras]
 
     render_path(inputs, out, config, run, choose)

@@ -7,9 +7,9 @@ import os
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from pipeline.digest import file_digest
 from styletrf.errors import InputError
 from styletrf.files.published_weights import ALEXNET, RAFT
+from tasks.machine.digest_cache import cached_digests
 
 EXPORT_PACKAGES = {
     "ply": ("gsply",),
@@ -64,7 +64,7 @@ def _digests(what: str, packages: tuple[str, ...], weights: str) -> dict[str, st
     if not path.is_file():
         problem = "is not there: weights that torchvision publishes"
         raise InputError(f"{path} for {what}", problem, "Fetch them there, or leave that out")
-    return {**versions, weights: file_digest(path)}
+    return {**versions, **cached_digests({weights: path})}
 
 
 def _downloads() -> Path:

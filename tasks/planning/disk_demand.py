@@ -9,10 +9,16 @@ from collections.abc import Mapping, Sequence
 from styletrf.errors import InputError
 from tasks.planning.memory_demand import Demand, Photographs, frame_pixels
 
-BYTES_A_PIXEL = {"TrajectoryFrames": 8.7, "StylizedFrames": 2.5, "StylizedFrames per-frame": 2.5}
+_FLOATS, _PICTURE = 8.7, 2.5
+BYTES_A_PIXEL = {
+    "TrajectoryFrames": _FLOATS,
+    "StylizedFrames": _PICTURE,
+    "StylizedFrames own depths": _PICTURE + _FLOATS,
+    "StylizedFrames per-frame": _PICTURE,
+}
 """The bytes of one pixel of a frame on disk, by stage.
 
-A frame has colors and depths as floats, or a picture and its part of the video.
+A frame has colors and depths as floats, or a picture and its part of the video, or both.
 """
 
 

@@ -40,6 +40,7 @@ GROWTH = {
     "StylizedField s1": Growth(700, photographs=6, grid=15),
     "StylizedField s2": Growth(700, photographs=6, grid=15),
     "StylizedFrames": Growth(500, frame=95),
+    "StylizedFrames own depths": Growth(500, frame=95),  # as without depths
     "StylizedFrames per-frame": Growth(430, frame=320),
     "ConsistencyMetrics": Growth(450, frame=490),
     "StyleMetrics": Growth(580, frame=62),

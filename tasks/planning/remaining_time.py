@@ -16,7 +16,7 @@ from tasks.machine.calibration import calibration_of_machine
 from tasks.planning.artifact_names import ArtifactNames
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.scene_sizes import sizes_of
-from tasks.planning.stage_costs import CostModel, MeasuredSeconds, reference_costs
+from tasks.planning.stage_costs import CostModel, MeasuredSeconds, plain_stage, reference_costs
 from tasks.presets.quality_choice import Front, Timing
 
 
@@ -77,19 +77,28 @@ def timing_of(task: Any) -> Timing:
         models[front.description] = model
         is_found = found.has if builds_alone() else _never
         stages = stages_to_make(task.at_point(front.quality, point), is_found)
-        costs = (model.expected(s, _measured(front, point, s.task_family)) for s in stages)
+        costs = (model.expected(s, _measured(front, point, s)) for s in stages)
         known[name] = math.fsum(cost.seconds for cost in costs)
         return known[name]
 
     return seconds
 
 
-def _measured(front: Front, point: Combination, family: str) -> MeasuredSeconds | None:
-    """Returns the seconds of a stage of a point; None if they or the machine are unknown."""
-    if not front.calibration or family not in point.stage_seconds:
+def _measured(front: Front, point: Combination, stage: StoredTask) -> MeasuredSeconds | None:
+    """Returns the seconds of such a stage of a point; None if they or the machine are unknown.
+
+    The options of the command, such as the length of the path, are not those of the point.
+    """
+    seconds = point.stage_seconds.get(stage.task_family)
+    if not front.calibration or seconds is None:
         return None
+    names = {name: stage.param_kwargs.get(name) for name in ("scene", "style")}
+    stylizer = {"stylizer": point.stylizer} if point.stylizer else {}
+    plain = plain_stage(
+        type(stage), quality=front.quality, tuning=point.tuning, **names, **stylizer
+    )
     photographs = Photographs(**front.photographs) if front.photographs else None
-    return MeasuredSeconds(point.stage_seconds[family], front.calibration, photographs)
+    return MeasuredSeconds(seconds, plain, front.calibration, photographs)
 
 
 def _never(_stage: StoredTask) -> bool:

@@ -39,8 +39,9 @@ def photographs_of(scene: str, video_frames: int) -> Photographs | None:
     return None
 
 
-def main(*scenes: str) -> None:
-    """Writes the photographs of the scenes, as JSON."""
-    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in scenes}
+def main() -> int:
+    """Reads the names of scenes, and writes their photographs as the last line, both as JSON."""
+    photographs = {scene: photographs_of(scene, _VIDEO_FRAMES) for scene in json.load(sys.stdin)}
     text = json.dumps({s: asdict(found) for s, found in photographs.items() if found})
     sys.stdout.write(f"\n{text}\n")  # a library may have written half a line
+    return 0

@@ -1,12 +1,12 @@
-"""The number and size of scenes' photographs, found by an interpreter of its own."""
+"""The number and size of scenes' photographs, found by a process of its own."""
 
 import contextlib
 import functools
-import subprocess
+import json
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.code.interpreters import json_from
+from pipeline.execution.fork_server import output_of
 from tasks.planning.memory_demand import Photographs
 
 
@@ -14,6 +14,7 @@ from tasks.planning.memory_demand import Photographs
 def sizes_of(scenes: tuple[str, ...]) -> Mapping[str, Photographs]:
     """Returns the photographs of each scene; those that cannot be read are left out."""
     found: dict[str, dict[str, Any]] = {}
-    with contextlib.suppress(subprocess.CalledProcessError):
-        found = json_from("tasks.planning.scene_photographs:main", *scenes)
+    with contextlib.suppress(RuntimeError):
+        answer = output_of("tasks.planning.scene_photographs:main", json.dumps(scenes))
+        found = json.loads(answer.splitlines()[-1])  # libraries may write lines before it
     return {scene: Photographs(**fields) for scene, fields in found.items()}

@@ -24,14 +24,17 @@ from pipeline.task import StoredTask
 from tasks.machine.calibration import Calibration
 from tasks.planning.memory_demand import GROWTH, Photographs, predicted_bytes
 from tasks.planning.stage_demands import demand_name, demand_of
+from tasks.planning.stage_drivers import drivers_of
 from tasks.planning.stage_work import (
     START_S,
+    WHOLE_FIT,
     added_seconds,
-    drivers_of,
     is_comparable,
     seconds_scaled,
+    work_of,
     work_ratio,
 )
+from tasks.stages.field import RadianceField
 from tasks.stages.stage import ConfigurableStage
 
 REFERENCE = Path(__file__).with_name("reference_costs.json")
@@ -76,9 +79,15 @@ class ReferenceCosts:
 
     def stage_like(self, stage: luigi.Task) -> luigi.Task:
         """Returns the stage of the reference that a stage is compared with."""
-        parameters = {"scene": self.scene, "style": "reference", "quality": "draft", "settings": {}}
-        names = {n for n, _ in stage.get_params()}  # type: ignore[no-untyped-call]
-        return type(stage)(**{n: v for n, v in parameters.items() if n in names})
+        kind = RadianceField if work_of(stage) == WHOLE_FIT else type(stage)
+        return plain_stage(kind, scene=self.scene, style="reference", quality="draft")
+
+
+def plain_stage(kind: type[luigi.Task], **parameters: Any) -> luigi.Task:
+    """Returns a stage with those of the parameters that it has; others have their defaults."""
+    names = {name for name, _ in kind.get_params()}  # type: ignore[no-untyped-call]
+    given = {**parameters, "settings": {}}  # a command's settings are otherwise the default
+    return kind(**{name: value for name, value in given.items() if name in names})
 
 
 @functools.cache
@@ -99,12 +108,14 @@ class MeasuredSeconds:
 
     Attributes:
         seconds: The seconds with the settings of a point.
+        stage: The stage that took them: with the settings of the point, and all else by default.
         calibration: The calibration of that machine.
         photographs: The photographs of the front's scene; None if unknown: then those of the
             stage's scene count.
     """
 
     seconds: float
+    stage: luigi.Task
     calibration: Calibration
     photographs: Photographs | None
 
@@ -133,13 +144,13 @@ class CostModel:
 
         Args:
             stage: The stage to be built.
-            measured: Its seconds with these settings on a front; where nothing was built here, they
-                replace the reference's seconds.
+            measured: The seconds of such a stage on a front; where nothing was built here, they
+                replace the reference's seconds if the two stages are comparable.
         """
         cost = self._by_own_builds(stage)
         if cost is None:
             cost = self._by_reference(stage)
-            if measured:
+            if measured and work_of(stage) == work_of(measured.stage):
                 cost = replace(cost, seconds=self._seconds_of_front(stage, measured))
         return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
 
@@ -150,7 +161,7 @@ class CostModel:
         for sample in most_similar(self._samples(stage.task_family), significant(stage)):
             earlier = _task_of(stage.task_family, sample.parameters)
             if earlier is not None and self._is_comparable(stage, earlier):
-                scale = self._scale(stage, earlier, sample.cost)
+                scale = self._scale(stage, earlier)
                 found.append(self._scaled(sample.cost, *scale, "this machine"))
         if not found:
             return None
@@ -158,40 +169,40 @@ class CostModel:
         return replace(middle, seconds=median(cost.seconds for cost in found))
 
     def _by_reference(self, stage: luigi.Task) -> ExpectedCost:
-        cost = self.reference.stages.get(stage.task_family, Cost(START_S, 0, START_S, 0))
+        cost = self.reference.stages.get(work_of(stage), Cost(START_S, 0, START_S, 0))
         slower = self.here.times_slower_than(self.reference.calibration, stage.task_family)
-        work, written = self._scale(stage, self.reference.stage_like(stage), cost)
+        work, written = self._scale(stage, self.reference.stage_like(stage))
         expected = self._scaled(cost, work, written, "the reference")
-        added = added_seconds(stage.task_family, self._drivers(stage))
+        added = added_seconds(work_of(stage), self._drivers(stage))
         cpu_seconds = expected.cpu_seconds + self.reference.calibration.machine.cores * added
         return replace(
             expected, seconds=slower * (expected.seconds + added), cpu_seconds=slower * cpu_seconds
         )
 
     def _seconds_of_front(self, stage: luigi.Task, measured: MeasuredSeconds) -> float:
-        """Returns the seconds here, scaled from the front's scene by the work that it is more."""
-        family, here = stage.task_family, self._drivers(stage)
-        sizes = self._sizes
+        """Returns the seconds here, scaled from the front's stage by the work that it is more."""
+        work, here, sizes = work_of(stage), self._drivers(stage), self._sizes
         if measured.photographs:
             sizes = {str(stage.param_kwargs.get("scene", "")): measured.photographs}
-        there = drivers_of(stage, sizes)
-        added = added_seconds(family, here) - added_seconds(family, there)
-        scaled = seconds_scaled(measured.seconds, START_S, work_ratio(family, here, there))
-        return self.here.times_slower_than(measured.calibration, family) * (scaled + added)
+        there = drivers_of(measured.stage, sizes, settings={})
+        added = added_seconds(work, here) - added_seconds(work, there)
+        scaled = seconds_scaled(measured.seconds, START_S, work_ratio(work, here, there))
+        slower = self.here.times_slower_than(measured.calibration, stage.task_family)
+        return slower * (scaled + added)
 
     def _is_comparable(self, stage: luigi.Task, earlier: luigi.Task) -> bool:
         drivers = self._drivers(stage), self._drivers(earlier, settings={})
-        return is_comparable(stage.task_family, *drivers)
+        work = work_of(stage)
+        return work == work_of(earlier) and is_comparable(work, *drivers)
 
-    def _scale(self, stage: luigi.Task, earlier: luigi.Task, cost: Cost) -> tuple[float, float]:
+    def _scale(self, stage: luigi.Task, earlier: luigi.Task) -> tuple[float, float]:
         """Returns the ratio of the work, and that of the written bytes."""
         here, there = self._drivers(stage), self._drivers(earlier, settings={})
-        family = stage.task_family
-        bytes_ratio = 1.0
-        for name in WRITTEN.get(family, ()):
+        work, bytes_ratio = work_of(stage), 1.0
+        for name in WRITTEN.get(work, ()):
             if here.get(name) and there.get(name):
                 bytes_ratio *= here[name] / there[name]
-        return work_ratio(family, here, there), bytes_ratio
+        return work_ratio(work, here, there), bytes_ratio
 
     def _scaled(self, cost: Cost, work: float, written: float, evidence: Evidence) -> ExpectedCost:
         seconds = seconds_scaled(cost.seconds, START_S, work)
@@ -225,9 +236,9 @@ WRITTEN: dict[str, tuple[str, ...]] = {
     "TrajectoryFrames": ("frames", "frame_pixels"),
     "PriorRenders": ("frame_pixels",),
     "StylizedPriors": ("frame_pixels",),
-    "StylizedFrames": ("frames", "frame_pixels"),
+    "StylizedFrames": ("frames", "frame_pixels", "bytes_a_pixel"),
 }
-"""The drivers to which the bytes of an artifact are proportional, by stage."""
+"""The drivers to which the bytes of an artifact are proportional, by work."""
 
 
 def _samples_here(family: str) -> list[CostSample]:

@@ -48,7 +48,8 @@ def demand_of(stage: ConfigurableStage) -> Demand:
     """Returns the demand of a stage listed in `GROWTH`."""
     model, priors = stage.upstream(SceneModel), stage.upstream(PriorRenders)
     rays, ray_bytes = _kept_rays(stage.values())
-    path = stage.upstream(TrajectoryFrames).values()
+    trajectory = stage.upstream(TrajectoryFrames)
+    path = trajectory.values()
     limit_gib = stage.memory_gib or number_setting("store", "memory_gib")
     return Demand(
         stage=demand_name(stage),
@@ -59,7 +60,7 @@ def demand_of(stage: ConfigurableStage) -> Demand:
         grid_points=_grid_points(model),
         video_frames=stage.upstream(SceneCapture).values().get("video_frames", _VIDEO_FRAMES),
         limit_bytes=int(limit_gib * 2**30),
-        frames=math.ceil((frame_count(path) or 0) / _shards_of(stage)),
+        frames=math.ceil((frame_count(path, trajectory.path_seconds) or 0) / _shards_of(stage)),
         priors=_prior_views(priors) if rays else 0,
         rays=rays,
         ray_bytes=ray_bytes,
@@ -108,6 +109,8 @@ def demand_name(stage: ConfigurableStage) -> str:
     parameters = stage.param_kwargs
     if stage.task_family == "StylizedFrames" and parameters.get("method") == "per-frame":
         return "StylizedFrames per-frame"
+    if getattr(stage, "has_own_depths", False):
+        return "StylizedFrames own depths"
     if stage.task_family == "StylizedField" and parameters["strategy"] != "s3":
         return f"StylizedField {parameters['strategy']}"
     if getattr(stage, "resolved_match", "") == "pixels":

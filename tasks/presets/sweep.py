@@ -50,6 +50,11 @@ LOW_WEIGHT_SETTINGS = tuple(
 ADAPTATION_ITERATIONS = tuple(
     f"StylizedField/{part}.iterations" for part in ("adaptation", "image")
 )
+_SEEDS: dict[Literal["scene", "style"], tuple[str, ...]] = {
+    "scene": ("RadianceField/seed",),
+    "style": ("StyleNetwork/seed", "StylizedField/adaptation.seed"),
+}
+_REMEDY = "Leave it out of --tuning"
 RANKS = ("RadianceField/field.density_ranks", "RadianceField/field.appearance_ranks")
 SWEEP_AXES = (
     SweepAxis("scene", "iterations", ("RadianceField/iterations",), (0.25, 0.5, 2.0)),
@@ -111,14 +116,24 @@ def sweep(baseline: Values, repeats: int) -> list[Variant]:
         InputError: A setting of the baseline is not a number.
     """
     changes = [*_single(baseline), *_combined(baseline)]
-    return [*_repeated(repeats), *(v for v in changes if not _is_baseline(v, baseline))]
+    unlike = [variant for variant in changes if not _is_baseline(variant, baseline)]
+    return [*_repeated(repeats, baseline), *unlike]
 
 
-def _repeated(repeats: int) -> Iterator[Variant]:
-    for seed in range(repeats):
-        style = {"StyleNetwork": {"seed": seed}, "StylizedField": {"adaptation.seed": seed}}
-        yield Variant("scene", "", {"RadianceField": {"seed": seed}} if seed else {})
-        yield Variant("style", "", style if seed else {})
+def _repeated(repeats: int, baseline: Values) -> Iterator[Variant]:
+    """Yields the baseline, then the same with the seeds that follow its own."""
+    for k in range(repeats):
+        for part, settings in _SEEDS.items():
+            changes = (_seeded(setting, k, baseline) for setting in settings)
+            yield Variant(part, "", merged(*changes) if k else {})
+
+
+def _seeded(setting: str, k: int, baseline: Values) -> dict[str, dict[str, Any]]:
+    stage, name = setting.split("/")
+    seed = baseline.get(stage, {}).get(name, 0)
+    if type(seed) is not int:
+        raise InputError(f"setting {setting}", f"{seed!r} is not a whole number", _REMEDY)
+    return {stage: {name: seed + k}}
 
 
 def _single(baseline: Values) -> Iterator[Variant]:
@@ -148,19 +163,18 @@ def _changed(axis: SweepAxis, factor: float, baseline: Values) -> dict[str, dict
 
 def _beside(axis: SweepAxis, baseline: Values) -> Values:
     """Returns further settings that keep the results of a change comparable."""
-    if axis.name == "photographs' size":  # frames and held-out views keep their size
-        size = {"long_side_px": baseline["SceneModel"]["image_long_side"]}
-        return dict.fromkeys(("TrajectoryFrames", "QualityMetrics"), size)
-    return {}
+    if axis.name != "photographs' size":
+        return {}
+    size = {"long_side_px": baseline["SceneModel"]["image_long_side"]}
+    kept = {"TrajectoryFrames": {**size, "enlarged": False}, "QualityMetrics": size}
+    return {k: v for k, v in kept.items() if not baseline.get(k, {}).get("long_side_px")}
 
 
 def _times(value: Any, factor: float, setting: str) -> Any:
     if isinstance(value, list | tuple):
         return [_times(part, factor, setting) for part in value]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(
-            f"setting {setting}", f"{value!r} is not a number", "Leave it out of --tuning"
-        )
+        raise InputError(f"setting {setting}", f"{value!r} is not a number", _REMEDY)
     if isinstance(value, float):
         return float(f"{factor * value:.6g}")
     return max(1, round(factor * value)) if value else 0
@@ -171,5 +185,5 @@ def _is_baseline(variant: Variant, baseline: Values) -> bool:
         baseline.get(stage, {}).get(name) == value
         for stage, settings in variant.tuning.items()
         for name, value in settings.items()
-        if name != "long_side_px"
+        if name not in ("long_side_px", "enlarged")
     )

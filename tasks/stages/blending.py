@@ -48,7 +48,7 @@ def _validate_per_frame(stage: FrameParameters) -> None:
 
 
 def _validate_region(region: Mapping[str, Any]) -> None:
-    if region and not _is_box(region) and set(region) != {"view", "mask"}:
+    if region and not _is_box(region) and not _is_masked_view(region):
         raise InputError(
             f"--region {dict(region)}",
             "is not a region",
@@ -72,6 +72,10 @@ def _read_mask(mask: str, _changed_ns: int) -> None:
     from styletrf.capture.photographs import read_photograph
 
     read_photograph(Path(mask))
+
+
+def _is_masked_view(region: Mapping[str, Any]) -> bool:
+    return set(region) == {"view", "mask"} and isinstance(region["view"], str)
 
 
 def _is_box(region: Mapping[str, Any]) -> bool:

@@ -11,6 +11,7 @@ from pipeline.digest import file_digest
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from styletrf.errors import InputError
+from styletrf.files.linked_folders import walk_files
 from tasks.machine.digest_cache import cached_digests
 from tasks.stages.scene import SceneCapture
 from tasks.stages.stage import ConfigurableStage, Stage
@@ -43,7 +44,7 @@ class ContentImages(ConfigurableStage):
         source = self._source()
         if source is None:
             return {}
-        found = sorted(source.rglob("*")) if source.is_dir() else [source]
+        found = sorted(walk_files(source)) if source.is_dir() else [source]
         files = {path.relative_to(source.parent): path for path in found if path.is_file()}
         for name in files:
             require_readable_name(str(name))

@@ -50,22 +50,25 @@ class LinkedStage(Stage):
     def publish(self, object_path: Path) -> None:
         """Makes the links, removes links of earlier runs, and lists the keys of the lineage.
 
-        Other commands may do the same at the same time. Links of the user stay.
+        Other commands may do the same at the same time. Links of the user stay. The keys are
+        written last, so that the result counts as published after all the rest is done.
         """
         store, links = current_store(), self.links(artifact)
+        keys, page = [*self.lineage(), self.action().key], self.folder / self.page
         self.folder.mkdir(parents=True, exist_ok=True)
         add_folder_root(store, self.folder, links.values())
+        if made_from(page) != keys:
+            _keys_file(page).unlink(missing_ok=True)
         for name, target in links.items():
             partial = self.folder / f".{name}.{uuid.uuid4().hex}"
             partial.symlink_to(target)
             partial.replace(self.folder / name)
-        keys = [*self.lineage(), self.action().key]
-        with atomic_write(_keys_file(self.folder / self.page)) as file:
-            file.write_text(json.dumps(keys))
         for path in self.folder.glob("[!.]*"):  # a name with a dot first is a partial link
             is_old = path.is_symlink() and path.name not in links
             if is_old and shown_artifacts(store, path):
                 path.unlink(missing_ok=True)
+        with atomic_write(_keys_file(page)) as file:
+            file.write_text(json.dumps(keys))
 
 
 def made_from(page: Path) -> list[str]:

@@ -41,6 +41,15 @@ class QualityMetrics(ConfigurableStage):
             "model": self.upstream(SceneModel),
         }
 
+    def validate(self) -> None:
+        """Rejects LPIPS without its packages or weights.
+
+        Raises:
+            InputError: One of them is missing.
+        """
+        super().validate()
+        self.external_digests()
+
     def external_digests(self) -> Mapping[str, str]:
         """Returns the release of LPIPS and the digest of its weights, if it is requested."""
         return lpips_digests() if self.values().get("lpips") else {}
@@ -76,13 +85,15 @@ class ConsistencyMetrics(FrameMetrics):
     tools = ("opencv-contrib-python-headless", "torch")
 
     def validate(self) -> None:
-        """Rejects a trajectory with too few frames to compare.
+        """Rejects a trajectory with too few frames to compare, and RAFT without what it needs.
 
         Raises:
-            InputError: It has too few frames.
+            InputError: It has too few frames, or the package or the weights of RAFT are missing.
         """
         super().validate()
-        frames = frame_count(self.upstream(TrajectoryFrames).values())
+        self.external_digests()
+        trajectory = self.upstream(TrajectoryFrames)
+        frames = frame_count(trajectory.values(), trajectory.path_seconds)
         deltas = self.values().get("deltas")
         whole = [d for d in deltas if isinstance(d, int)] if isinstance(deltas, list) else []
         nearest = min(whole, default=1)

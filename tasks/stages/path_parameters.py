@@ -4,6 +4,7 @@ They are arguments of the main command and of all stages that depend on the path
 metrics, and the priors, which cover what the path sees.
 """
 
+import functools
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -22,7 +23,7 @@ from styletrf.files.frame_limits import (
     SLOWEST_RATE,
     SMALLEST_PX,
 )
-from styletrf.trajectory.key_frames import LONGEST_S
+from styletrf.trajectory.key_frames import LONGEST_S, seconds_of_file
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
 from tasks.stages.stage import PresetStage
 
@@ -69,6 +70,14 @@ class PathParameters(PresetStage):
         """Returns the file or folder that contains the path; None for a path by its name."""
         return None if self.path in NAMED_PATHS else Path(self.path)
 
+    @property
+    def path_seconds(self) -> float:
+        """Returns the duration of a path whose file has times; 0 for any other path."""
+        file = self.path_file()
+        with suppress(OSError):
+            return _seconds_of(file, file.stat().st_mtime_ns) if file else 0.0
+        return 0.0  # there is no such file, which `validate` reports
+
     def path_settings(self) -> dict[str, Any]:
         """Returns the settings of TrajectoryFrames that these parameters replace."""
         settings = {
@@ -97,10 +106,20 @@ class PathParameters(PresetStage):
         raise InputError(argument, problem, f"Give one such as {example}")
 
 
-def frame_count(settings: Mapping[str, Any]) -> int | None:
-    """Returns how many frames a path with these settings of TrajectoryFrames has.
+@functools.cache
+def _seconds_of(file: Path, _changed_ns: int) -> float:
+    """Returns the duration of a path in a file, read once for all stages of a command."""
+    return seconds_of_file(file)
 
-    It is None if they are not valid, which the stage itself rejects.
+
+def frame_count(settings: Mapping[str, Any], path_seconds: float = 0.0) -> int | None:
+    """Returns how many frames a path has.
+
+    It is None if the settings are not valid, which the stage itself rejects.
+
+    Args:
+        settings: Those of TrajectoryFrames.
+        path_seconds: The duration of a path whose file has times; 0 for any other path.
     """
     rate = settings.get("frames_per_second", DEFAULT_RATE)
     prefix = "trajectory."
@@ -109,5 +128,5 @@ def frame_count(settings: Mapping[str, Any]) -> int | None:
     }
     with suppress(InputError, OverflowError):
         if type(rate) is int and SLOWEST_RATE <= rate <= FASTEST_RATE:
-            return configured(TrajectoryConfig, own).count(rate)
+            return configured(TrajectoryConfig, own).count(rate, path_seconds)
     return None

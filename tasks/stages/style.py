@@ -9,7 +9,6 @@ from typing import Any, cast
 import luigi
 from luigi.parameter import ParameterVisibility
 
-from pipeline.digest import file_digest
 from pipeline.parameters import IntParameter
 from pipeline.settings import data_root
 from pipeline.task import RunContext
@@ -45,7 +44,7 @@ class StyleImage(Stage):
         """Returns the digest of the painting."""
         from styletrf.capture.user_folders import find_style
 
-        return {"style": file_digest(find_style(data_root(), self.style))}
+        return cached_digests({"style": find_style(data_root(), self.style)})
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Reads the painting and checks it."""

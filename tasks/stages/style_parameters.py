@@ -86,6 +86,14 @@ class StyleParameters(NetworkParameters, PathParameters):
         default=1, description="how often views are painted and the field adapted to them"
     )
 
+    @property
+    def keeps_network_colors(self) -> bool:
+        """Whether painted views keep their colors: a given network's painting is not known.
+
+        An optimization (`stylizer` gatys) paints towards the style, whatever it starts from.
+        """
+        return bool(self.network and self.stylizer != "gatys" and self.colors == "style")
+
 
 class FrameParameters(StyleParameters):
     """The parameters of the frames."""

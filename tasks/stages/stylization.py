@@ -35,9 +35,10 @@ class StylizedPriors(ShardedStage, StyleParameters):
         """Returns the renders, the stylizer, the previous round's field, and the shards."""
         needed: dict[str, Stage] = {
             "priors": self.upstream(PriorRenders),
-            "style": self.upstream(StyleImage),
             **self.shard_stages(),
         }
+        if not self.keeps_network_colors:
+            needed["style"] = self.upstream(StyleImage)
         if self.stylizer != "gatys" or self.values().get("start", "network") == "network":
             needed["network"] = self.upstream(StyleNetwork)
         if self.stylizer == "gatys":
@@ -188,8 +189,10 @@ class StylizedFrames(ShardedStage, FrameParameters):
             **self.shard_stages(),
         }
         if self.method == "per-frame":
-            painters = {"network": self.upstream(StyleNetwork), "style": self.upstream(StyleImage)}
-            return {**needed, **painters}
+            needed["network"] = self.upstream(StyleNetwork)
+            if not self.keeps_network_colors:
+                needed["style"] = self.upstream(StyleImage)
+            return needed
         needed["field"] = self.upstream(RadianceField)
         needed["stylized"] = self.upstream(StylizedField)
         needed["model"] = self.upstream(SceneModel)

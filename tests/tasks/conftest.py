@@ -54,6 +54,14 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 FURTHER_LIBRARIES = ("OpenEXR", "onnx", "pi_heif", "pyarrow.parquet", "torch._dynamo")
 """What many stages import, some for a second: torch's optimizers import the last one."""
+STEPS = tuple(
+    f"styletrf.steps.{name}"
+    for name in ("camera_poses", "radiance_field", "style_network", "stylized_field")
+)
+"""Code of the project, which stays the same meanwhile. A command's own server imports none of it.
+
+Not `tasks`: when that is first imported, it takes over a bare Luigi.
+"""
 
 
 @pytest.fixture
@@ -64,8 +72,8 @@ def tmp_path(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def server() -> Iterator[ForkServer]:
-    """A process that has imported the libraries, which starts with the first fork."""
-    server = ForkServer([*LIBRARIES, *FURTHER_LIBRARIES])
+    """A process that has imported libraries and steps, which starts with the first fork."""
+    server = ForkServer([*LIBRARIES, *FURTHER_LIBRARIES, *STEPS])
     yield server
     server.close()
 
@@ -112,6 +120,7 @@ def mini_poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_points(folder / "points.parquet", points)
     report = {"registered": 4, "total": 4, "unregistered": [], "pieces": [4], "doubts": []}
     report |= {"mapper": "global", "mapper_reason": "they overlap", "tells_depth": True}
+    report["photograph_sizes"] = {camera.name: [16, 16] for camera in cameras}
     (folder / "poses.json").write_text(json.dumps(report))
     return folder
 

@@ -114,6 +114,12 @@ def test_another_path_has_its_own_frames(mini: Mini):
     assert read_float_image(folder / "frames" / "0000.exr").color.shape == (64, 64, 3)
 
 
+def test_frames_that_are_not_enlarged_have_the_size_of_the_photographs(mini: Mini):
+    settings = {"trajectory.frames": 2, "long_side_px": 64, "enlarged": False}
+    cameras = read_cameras(mini("TrajectoryFrames", settings=settings) / "cameras.parquet")
+    assert {(camera.width, camera.height) for camera in cameras} == {(16, 16)}
+
+
 def test_priors_of_a_path_that_goes_elsewhere_show_what_it_sees(mini: Mini, tmp_path: Path):
     """No candidate does, so views along the path are among them; all are of one size."""
     aside = {"position": [1.5, 0, 2.5], "look_at": [1.5, 0, 4], "fov_deg": 30}

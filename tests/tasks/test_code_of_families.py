@@ -48,7 +48,11 @@ class Workbench:
             shutil.copytree(
                 ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
             )
-        shutil.copy(ROOT / "luigi.cfg", folder)
+        # Beside the packages: a snapshot in one would make all closures be followed again.
+        (folder / "tasks/identity.json").rename(folder / "identity.json")
+        settings = (ROOT / "luigi.cfg").read_text()
+        beside = settings.replace("[store]", "[store]\nidentity = identity.json")
+        (folder / "luigi.cfg").write_text(beside)
         self.process = subprocess.Popen(
             [sys.executable, "-c", SERVER],
             cwd=folder,

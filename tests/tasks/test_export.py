@@ -28,8 +28,9 @@ FORMATS = {
 @pytest.mark.parametrize("file_format", list(FORMATS))
 def test_every_linked_file_is_there(file_format: str, mini: Mini, out: Path):
     pytest.importorskip(FORMATS[file_format], reason="not installed (extra export)")
-    made = mini("Export", format=file_format)
-    task = tasks.Export(scene="mini", styles=("p",), format=file_format)
+    styles = () if file_format == "cameras" else ("p",)
+    made = mini("Export", format=file_format, styles=styles)
+    task = tasks.Export(scene="mini", styles=styles, format=file_format)
 
     def place(stage: Any) -> Path:
         return made if stage.task_family == "Export" else mini(stage.task_family)
@@ -42,7 +43,7 @@ def test_every_linked_file_is_there(file_format: str, mini: Mini, out: Path):
 
 
 def test_cameras_are_in_the_world_of_the_poses(mini: Mini):
-    made, poses = mini("Export", format="cameras"), mini("CameraPoses")
+    made, poses = mini("Export", format="cameras", styles=()), mini("CameraPoses")
     cameras = read_cameras(poses / "cameras.parquet")
     views = transforms_cameras(made / "transforms.json")
     for camera, view in zip(cameras, views, strict=True):
@@ -51,7 +52,7 @@ def test_cameras_are_in_the_world_of_the_poses(mini: Mini):
 
 
 def test_every_frame_of_the_path_has_its_image(mini: Mini):
-    views = transforms_cameras(mini("Export", format="cameras") / "transforms_path.json")
+    views = transforms_cameras(mini("Export", format="cameras", styles=()) / "transforms_path.json")
     assert len(views) == 7
     assert all((mini("TrajectoryFrames") / view.file).is_file() for view in views)
 
@@ -63,7 +64,16 @@ def test_every_frame_of_the_path_has_its_image(mini: Mini):
 )
 def test_styles_that_are_not_each_one_name_are_refused(styles: tuple[Any, ...]):
     with pytest.raises(InputError) as refused:
-        tasks.Export(scene="s", styles=styles, format="cameras").validate()
+        tasks.Export(scene="s", styles=styles, format="points").validate()
+    assert refused.value.remedy
+
+
+def test_styles_are_refused_for_cameras_which_have_none():
+    """They changed the key and nothing else."""
+    tasks.Export(scene="s", format="cameras").validate()
+    with pytest.raises(InputError) as refused:
+        tasks.Export(scene="s", styles=("p",), format="cameras").validate()
+    assert "cameras" in refused.value.problem
     assert refused.value.remedy
 
 
@@ -86,5 +96,5 @@ def test_a_missing_package_is_refused_before_anything_runs(monkeypatch: pytest.M
 
 
 def test_an_export_of_cameras_needs_no_field():
-    assert "field" not in tasks.Export(scene="s", styles=("p",), format="cameras").requires()
+    assert "field" not in tasks.Export(scene="s", format="cameras").requires()
     assert "stylized p" in tasks.Export(scene="s", styles=("p",), format="mesh").requires()

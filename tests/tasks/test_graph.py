@@ -14,6 +14,7 @@ from styletrf.configuration import configured
 from styletrf.field.rendering import RenderConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.training.config import StyleTrainingConfig
+from tasks.command_line import LIBRARIES
 from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS, settings_for
 
@@ -46,6 +47,11 @@ def test_a_command_that_builds_a_style_loads_no_torch_itself():
         "assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_what_a_command_imports_for_its_builds_is_no_code_of_the_project():
+    """They would run the code as it was when the command began, under the key of another."""
+    assert not {name.split(".")[0] for name in LIBRARIES} & {"pipeline", "styletrf", "tasks"}
 
 
 def test_a_stage_leases_a_gpu_exactly_if_its_build_asks_for_a_device():

@@ -43,9 +43,9 @@ def test_a_region_keeps_the_rest_as_it_was(mini: Mini, tmp_path_factory: pytest.
     far = {"box": [[1e5, 1e5, 1e5], [2e5, 2e5, 2e5]]}
     assert same(pictures(mini("StylizedFrames", region=far)), none)
     mask = tmp_path_factory.mktemp("mask") / "white.png"
-    write_rgb(mask, np.ones((9, 9, 3), dtype=np.float32))
-    view = read_cameras(mini("PriorRenders") / "cameras.parquet")[0].name
-    shown = pictures(mini("StylizedFrames", region={"view": view, "mask": str(mask)}))
+    view = read_cameras(mini("PriorRenders") / "cameras.parquet")[0]
+    write_rgb(mask, np.ones((2 * view.height, 2 * view.width, 3), dtype=np.float32))
+    shown = pictures(mini("StylizedFrames", region={"view": view.name, "mask": str(mask)}))
     assert np.abs(shown - style).mean() < np.abs(none - style).mean()
 
 

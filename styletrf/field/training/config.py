@@ -50,8 +50,13 @@ class FieldTrainingConfig:
             raise ValueError(f"upsample_at is {self.upsample_at}, not fractions of the iterations")
         require_within("[0, 1]", self, "average_share")
         require_within("(0, 1]", self, "rate_decay")
-        require_within("[0, 1)", self, "min_weight", "termination")
+        require_within("[0, 1)", self, "min_weight", "termination", "occupancy_alpha")
         require_within("(0, inf)", self, "steps_per_voxel", "ndc_step")
+        require_within("(0, inf)", self, "factor_rate", "network_rate")
+        weights = "l1_weight", "tv_density", "tv_appearance", "depth_weight"
+        require_within("[0, inf)", self, *weights)
+        if self.distortion_weight is not None:
+            require_within("[0, inf)", self, "distortion_weight")
         counts = "iterations", "batch", "initial_voxels", "tv_views", "tv_every"
         require_at_least(1, self, *counts, "depth_rays", "depth_every", "occupancy_every")
 

@@ -12,6 +12,7 @@ from styletrf.capture.user_folders import (
     scene_folder,
     scene_videos,
     skipped_photographs,
+    skipped_videos,
 )
 from styletrf.configuration import configured
 from styletrf.steps.step_run import StepRun
@@ -54,4 +55,12 @@ def capture_scene(
         )
     else:
         given = find_given_poses(scene_folder(found))
-        capture_photographs(found, out, run.progress, given, config.leave_out, config.panoramas)
+        capture_photographs(
+            found,
+            out,
+            run.progress,
+            given,
+            config.leave_out,
+            config.panoramas,
+            skipped_videos(data, scene),
+        )

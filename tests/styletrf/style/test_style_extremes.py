@@ -58,8 +58,8 @@ def test_style_weights_over_twelve_orders_train_a_finite_step(vgg, weight):
 
 
 @pytest.mark.extremes("Style training")
-@pytest.mark.parametrize("weight", [float("inf"), float("nan"), 1e39])
-def test_a_weight_that_is_not_finite_is_named(vgg, weight):
+@pytest.mark.parametrize("weight", [1e39, 1e300])
+def test_a_weight_that_is_not_finite_in_float32_is_named(vgg, weight):
     loss = PerceptualLossConfig(style_weight=weight)
     config = replace(TINY, loss=loss, identity_iterations=0)
     training, config = begin(config, torch.device("cpu"))

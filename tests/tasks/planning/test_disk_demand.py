@@ -6,8 +6,10 @@ import pytest
 from expected_errors import rejects
 from message_words import mentions
 
+import tasks
 from tasks.planning.disk_demand import BYTES_A_PIXEL, require_disk, written_bytes
 from tasks.planning.memory_demand import Demand, Photographs
+from tasks.planning.stage_demands import demand_of
 
 SCENES = {"yard": Photographs(count=50, width=4000, height=3000)}
 MINUTE_OF_4K = Demand("TrajectoryFrames", "yard", 504, 3840, 224**3, 60, 0, frames=1440)
@@ -48,3 +50,17 @@ def test_the_frames_of_every_style_take_space():
 def test_stages_without_frames_and_scenes_that_cannot_be_read_need_no_disk():
     require_disk([replace(MINUTE_OF_4K, stage="RadianceField")], 0, SCENES)
     require_disk([MINUTE_OF_4K], 0, {})
+
+
+@pytest.mark.parametrize("strategy", ["s1", "s2"])
+def test_frames_of_a_field_with_its_own_density_also_take_the_space_of_its_depths(strategy):
+    def needed(family, **words):
+        stage = getattr(tasks, family)(scene="yard", seconds=60.0, frame_size=3840, **words)
+        return written_bytes(demand_of(stage), SCENES["yard"])
+
+    pictures, own = (
+        needed("StylizedFrames", style="p", strategy=each) for each in ("s3", strategy)
+    )
+    assert own == pytest.approx(pictures + needed("TrajectoryFrames"))
+    painted = needed("StylizedFrames", style="p", strategy=strategy, method="per-frame")
+    assert painted == pictures

@@ -25,6 +25,7 @@ from tasks.planning.memory_demand import (
     require_memory,
 )
 from tasks.planning.scene_photographs import photographs_of
+from tasks.planning.scene_sizes import sizes_of
 from tasks.planning.stage_demands import demand_of, demands_of
 from tasks.stages.path_parameters import frame_count
 
@@ -100,6 +101,11 @@ def test_a_scene_that_cannot_be_read_is_left_to_its_own_stage(photographs, monke
     assert photographs_of("nowhere", 60) is None
     assert photographs_of("mini", 60) == Photographs(8, 96, 96)
     require_memory([DEMAND], 1, {})
+
+
+def test_sizes_are_those_of_the_scenes_that_can_be_read(photographs, monkeypatch):
+    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
+    assert sizes_of(("mini", "nowhere")) == {"mini": photographs_of("mini", 60)}
 
 
 def test_demands_are_those_of_the_command(out):

@@ -13,15 +13,11 @@ from pipeline.execution.resources import significant
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.sfm.camera_poses import CameraPosesConfig
+from styletrf.style.gatys import GatysConfig
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.stage_costs import REFERENCE, CostModel, reference_costs
-from tasks.planning.stage_work import (
-    LONGEST_DESCRIBED,
-    MOST_FEATURES,
-    START_S,
-    drivers_of,
-    seconds_scaled,
-)
+from tasks.planning.stage_drivers import LONGEST_DESCRIBED, MOST_FEATURES, drivers_of
+from tasks.planning.stage_work import OPTIMIZATION_ITERATIONS, START_S, seconds_scaled
 
 SIZE = {"mini": Photographs(40, 504, 378)}
 
@@ -191,3 +187,93 @@ def test_a_capture_of_photographs_does_not_tell_what_one_of_a_video_takes():
     costs = CostModel(reference.calibration, sizes, reference)
     assert costs.expected(stage("SceneCapture")).evidence == "this machine"
     assert costs.expected(film).evidence == "the reference"
+
+
+PAINTED = {"style": "p", "content": "embedded"}
+UNTRAINED = ({"stylizer": "arbitrary"}, {"stylizer": "gatys"}, {"network": "n.pth"})
+
+
+@pytest.mark.parametrize("words", UNTRAINED, ids=str)
+@pytest.mark.parametrize("iterations", [5000, 10000])
+def test_a_network_that_is_not_trained_takes_the_start_of_a_stage_whatever_fields_take(
+    words, iterations
+):
+    """It was priced as a training with the iterations and the batch of the field."""
+    tuning = {"RadianceField": {"iterations": iterations}}
+    network = stage("StyleNetwork", tuning=tuning, **PAINTED, **words)
+    assert model().expected(network).seconds == pytest.approx(START_S)
+    took(stage("StyleNetwork", **PAINTED), 600.0)
+    assert model().expected(network).seconds == pytest.approx(START_S)
+
+
+def kinds(family: str) -> list[dict[str, str]]:
+    """Words for stages of one family that do different work."""
+    others = {
+        "StyleNetwork": UNTRAINED[0],
+        "StylizedPriors": {"stylizer": "gatys"},
+        "StylizedField": {"strategy": "s1"},
+    }
+    return [{}, others[family]]
+
+
+@pytest.mark.parametrize("family", ["StyleNetwork", "StylizedPriors", "StylizedField"])
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_a_build_does_not_predict_another_kind_of_work_of_its_family(family, is_reversed):
+    """After one build with `arbitrary`, a training was predicted at its 1.5 s."""
+    known, other = sorted(kinds(family), key=len, reverse=is_reversed)
+    took(stage(family, **PAINTED, **known), 77.0)
+    assert model().expected(stage(family, **PAINTED, **known)).evidence == "this machine"
+    found, without = (
+        each.expected(stage(family, **PAINTED, **other))
+        for each in (model(), model(uses_own_builds=False))
+    )
+    assert found == without
+
+
+def test_a_new_field_takes_as_long_as_the_field_with_the_same_settings():
+    for own, of_style in (({}, {}), ({"iterations": 9000}, {"fit.iterations": 9000})):
+        field = stage(tuning={"RadianceField": own})
+        new = stage("StylizedField", strategy="s1", tuning={"StylizedField": of_style}, **PAINTED)
+        assert model().expected(new).seconds == pytest.approx(model().expected(field).seconds)
+
+
+def test_a_field_that_is_fitted_on_sees_as_many_rays_as_an_adaptation():
+    tuning = {"StylizedField": {"adaptation.iterations": 100, "adaptation.batch": 3072}}
+    on = stage("StylizedField", strategy="s2", tuning=tuning, **PAINTED)
+    rays = {"StylizedField": {"fit.iterations": 200, "fit.batch": 1536}}
+    new = stage("StylizedField", strategy="s1", tuning=rays, **PAINTED)
+    assert model().expected(on).seconds == pytest.approx(model().expected(new).seconds)
+
+
+def test_an_optimization_of_priors_takes_longer_by_its_iterations_for_each_prior():
+    def added(count=13, **settings):
+        """The seconds that an optimization takes more than a network."""
+        tuning = {"StylizedPriors": settings, "PriorRenders": {"coverage.count": count}}
+        words = {**PAINTED, "tuning": tuning}
+        network, optimization = (
+            model().expected(stage("StylizedPriors", stylizer=stylizer, **words)).seconds
+            for stylizer in ("johnson", "gatys")
+        )
+        return optimization - network
+
+    assert added() > 100
+    assert added(iterations=[120, 40]) == pytest.approx(2 * added())
+    assert added(count=26) == pytest.approx(2 * added())
+    assert sum(GatysConfig().iterations) == OPTIMIZATION_ITERATIONS
+
+
+def test_an_optimization_of_the_priors_of_horns_takes_what_was_measured():
+    """13 priors (benchmarks/history.md); it was predicted at the 2 s of a network."""
+    reference = reference_costs()
+    words = {"scene": reference.scene, "quality": "draft", "stylizer": "gatys"}
+    priors = tasks.StylizedPriors(**PAINTED, **words)
+    assert model().expected(priors).seconds == pytest.approx(588, rel=0.02)
+
+
+@pytest.mark.parametrize("strategy", ["s1", "s2"])
+def test_frames_with_depths_of_their_own_take_more_of_the_disk(strategy):
+    plain, own = (
+        model().expected(stage("StylizedFrames", strategy=each, **PAINTED)).output_bytes
+        for each in ("s3", strategy)
+    )
+    assert own > 2 * plain

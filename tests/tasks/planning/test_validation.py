@@ -263,7 +263,7 @@ def test_a_cell_of_a_grid_is_looked_at():
 
 
 @pytest.mark.usefixtures("out")
-@pytest.mark.parametrize("task", [["Viewer"], ["Export", "--format", "cameras"]])
+@pytest.mark.parametrize("task", [["Viewer"], ["Export", "--format", "points"]])
 @pytest.mark.parametrize("strategy", ["s1", "s2"])
 def test_styles_on_one_geometry_need_the_strategy_that_keeps_it(task, strategy):
     words = ["--scene", "mini", "--styles", '["p"]', "--strategy", strategy]

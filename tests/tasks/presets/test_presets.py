@@ -1,8 +1,12 @@
 """The qualities are settings that stages take; `paper` has the numbers of docs/paper.md."""
 
+import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from expected_errors import rejects
 
 from styletrf.configuration import configured
 from styletrf.field.training.config import FieldTrainingConfig
@@ -16,6 +20,31 @@ from tasks.presets.presets import PRESETS, settings_for
 def test_every_setting_of_a_quality_is_one_of_its_stage(quality):
     for family, config in configurations().items():
         assert configured(config, settings_for(family, quality)) is not None
+
+
+def settings_of(config: Any, inside: str = "") -> Iterator[str]:
+    """The names of all settings of a configuration and of those inside it."""
+    for each in dataclasses.fields(config):
+        value = getattr(config, each.name)
+        if dataclasses.is_dataclass(value):
+            yield from settings_of(value, f"{inside}{each.name}.")
+        else:
+            yield inside + each.name
+
+
+RATES_AND_WEIGHTS = [
+    (family, name)
+    for family, config in configurations().items()
+    for name in settings_of(config())
+    if f"_{name.rpartition('.')[2]}".endswith(("_rate", "_weight"))
+]
+
+
+@pytest.mark.parametrize(("family", "name"), RATES_AND_WEIGHTS)
+def test_a_rate_or_a_weight_below_zero_is_refused(family, name):
+    """A wrong sign would maximize a loss for a whole fit, or move away from its minimum."""
+    with rejects(f"setting {name!r}", name.rpartition(".")[2], "-1.0"):
+        configured(configurations()[family], {name: -1.0})
 
 
 def test_the_publication_has_48_components_and_total_variation_of_ten_to_one():

@@ -190,7 +190,7 @@ def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
     front = replace(FRONT, calibration=there, points=(replace(GOOD, stage_seconds=stages),))
     task = mini(budget="5min")
     stage = task.with_settings("draft", {}).requires()["field"]
-    measured = MeasuredSeconds(10.0, there, None)
+    measured = MeasuredSeconds(10.0, stage, there, None)
     assert cost_model(task, front).expected(stage, measured).seconds == pytest.approx(30.0)
     families = {s.task_family for s in graph_of(task)}
     assert timing_of(task)(front, front.points[0]) >= 30.0 * len(families & stages.keys())
@@ -211,6 +211,35 @@ def test_the_seconds_of_another_scene_are_scaled_by_its_photographs():
     assert seconds(count=8, width=96, height=96) == pytest.approx(alike)
     assert seconds(count=16, width=96, height=96) == pytest.approx(alike - 5.0)
     assert seconds(count=8, width=96, height=48) == pytest.approx(alike + 10.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "times"), [({"seconds": 10.0}, 4), ({"frame_size": 192}, 4), ({"frame_rate": 30}, 1)]
+)
+def test_a_longer_path_and_larger_frames_take_more_than_those_of_the_front(words, times):
+    """Both stages had the options of the command, so that these took no time."""
+    calibrated(1.0)
+    stages = {"TrajectoryFrames": 10.0 + START_S, "StylizedFrames": 20.0 + START_S}
+    front = replace(
+        FRONT,
+        calibration=reference_costs().calibration,
+        photographs={"count": 8, "width": 96, "height": 96},
+        points=(replace(GOOD, stage_seconds=stages),),
+    )
+    only = {**dict.fromkeys(reference_costs().stages, START_S), **stages}
+    point = replace(GOOD, stage_seconds=only)
+    plain, more = (timing_of(mini(budget="5min", **each))(front, point) for each in ({}, words))
+    assert more - plain == pytest.approx((times - 1) * 30.0)
+
+
+def test_the_seconds_of_a_front_are_not_those_of_another_strategy():
+    calibrated(1.0)
+    front = replace(FRONT, calibration=reference_costs().calibration)
+    known, unknown = (
+        timing_of(mini(budget="5min", strategy="s1"))(front, replace(GOOD, stage_seconds=stages))
+        for stages in ({"StylizedField": 9999.0}, {})
+    )
+    assert known == unknown
 
 
 def graph_of(task):

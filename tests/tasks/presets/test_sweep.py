@@ -5,6 +5,7 @@ from functools import reduce
 import pytest
 from expected_errors import rejects
 
+from styletrf.evaluation.trade_off import merged
 from tasks.planning.request_validation import configurations
 from tasks.presets.presets import PRESETS
 from tasks.presets.sweep import (
@@ -78,3 +79,36 @@ def test_several_changes_are_of_axes_there_are():
     known = {axis.name: axis.part for axis in SWEEP_AXES}
     for (part, _), factors in COMBINED_CHANGES.items():
         assert {known[name] for name in factors} == {part}
+
+
+SMALLER = "photographs' size x 0.75"
+
+
+@pytest.mark.parametrize("quality", PRESETS)
+def test_frames_of_smaller_photographs_have_the_size_that_they_have_without_the_change(quality):
+    """Those of photographs below the working size were enlarged."""
+    baseline = baseline_settings(quality, {})
+    (variant,) = (v for v in sweep(baseline, 1) if v.name == SMALLER)
+    seen = baseline["SceneModel"]["image_long_side"]
+    assert variant.tuning["TrajectoryFrames"] == {"long_side_px": seen, "enlarged": False}
+    assert variant.tuning["QualityMetrics"] == {"long_side_px": seen}
+
+
+def test_a_size_of_frames_that_is_tuned_stays_in_every_variant():
+    tuning = {"TrajectoryFrames": {"long_side_px": 1920}}
+    for variant in sweep(baseline_settings("draft", tuning), 1):
+        assert merged(tuning, variant.tuning)["TrajectoryFrames"]["long_side_px"] == 1920
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7])
+def test_no_repeat_has_the_seeds_of_another_one_whatever_is_tuned(seed):
+    """A tuned seed was that of a repeat, whose artifact was measured twice."""
+    tuning = {
+        "RadianceField": {"seed": seed},
+        "StyleNetwork": {"seed": seed},
+        "StylizedField": {"adaptation.seed": seed},
+    }
+    repeats = [v for v in sweep(baseline_settings("draft", tuning), 3) if not v.name]
+    for part in ("scene", "style"):
+        found = [str(merged(tuning, v.tuning)) for v in repeats if v.part == part]
+        assert len(set(found)) == 3

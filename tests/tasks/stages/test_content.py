@@ -14,6 +14,7 @@ from expected_errors import rejects
 
 import tasks
 from pipeline.task import RunContext
+from styletrf.content import content_sources
 from tasks.machine import digest_cache
 
 
@@ -91,6 +92,20 @@ def test_content_of_an_unreadable_name_is_to_be_renamed(data: Path):
         tasks.ContentImages(scene="s").external_digests()
 
 
+def test_images_behind_a_link_are_content_and_change_the_key(data: Path, tmp_path: Path):
+    (data / "content/train.zip").unlink()
+    for name in ("disk/a.jpg", "disk/far/b.jpg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    (data / "content/photos").mkdir()
+    (data / "content/photos/disk").symlink_to(tmp_path / "disk")
+    stage = tasks.ContentImages(scene="s")  # whose content is the one folder that has images
+    before = stage.external_digests()
+    assert set(before) == {"photos/disk/a.jpg", "photos/disk/far/b.jpg"}
+    (tmp_path / "disk/far/b.jpg").write_text("another")
+    assert stage.external_digests() != before
+
+
 def test_what_is_fetched_stays_with_the_data(data: Path, build: Callable[..., Path]):
     """Offline, only what is kept can be read."""
     listed = [{"file_name": f"{k}.png", "coco_url": f"http://0.0.0.0/{k}"} for k in range(8)]
@@ -116,8 +131,11 @@ def test_what_cannot_be_kept_with_the_data_is_kept_with_the_build(data: Path, tm
     assert (tmp_path / "resume").is_dir()
 
 
-def test_three_photographs_are_content_enough(photographs: Path, tmp_path: Path):
+def test_three_photographs_are_content_enough(
+    photographs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """With as many procedural images they would be six, fewer than a training may have."""
+    monkeypatch.setattr(content_sources, "_PROCEDURAL_SHAPE", (96, 120))
     images = tmp_path / "capture/images"
     images.mkdir(parents=True)
     for path in sorted((photographs / "scenes/mini/images").iterdir())[:3]:

@@ -51,7 +51,7 @@ CASES = [
     ("Export", {"format": "ply"}, FIELD),
     ("Export", {"format": "ply"}, DENSITY),
     ("Export", {"format": "ply"}, ("stylized p", "appearance.safetensors", "shading.basis.weight")),
-    ("Export", {"format": "cameras"}, POSES),
+    ("Export", {"format": "cameras", "styles": ()}, POSES),
 ]  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.settings import current_store, out_root
 from pipeline.task import RunContext, StoredTask, artifact
-from tasks.stages.linked_results import LinkedStage
+from tasks.stages.linked_results import LinkedStage, made_from
 
 pytestmark = pytest.mark.usefixtures("inline")
 
@@ -71,6 +71,41 @@ def test_links_of_an_earlier_result_are_removed_and_those_of_the_user_stay(out, 
     assert own.is_symlink()
     assert broken.is_symlink()
     assert (out / "mini/page.html").read_text() == "2"
+
+
+def is_interrupted(album: Album, calls: int, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Publishes; returns whether Ctrl-C ended it, after some calls of `Path.replace`."""
+    replace, left = Path.replace, iter(range(calls))
+
+    def replace_or_stop(path: Path, target: Path) -> Path:
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return replace(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", replace_or_stop)
+        try:
+            album.publish(artifact(album))
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def test_an_interrupted_publication_does_not_count_and_has_no_keys_of_another_result(
+    out, monkeypatch
+):
+    """All new links, with the keys of the old result, counted as published."""
+    first, second = published(1), published(2)
+    page, calls = out / "mini/page.html", 0
+    first.publish(artifact(first))
+    while is_interrupted(second, calls, monkeypatch):
+        assert not second.published()
+        assert page.read_text() == "1" or made_from(page) == []
+        first.publish(artifact(first))
+        calls += 1
+    assert calls > len(second.links(artifact))
+    assert second.published()
+    assert made_from(page) == [second.action().key]
 
 
 def test_a_link_to_a_collected_artifact_is_removed(out):

@@ -10,12 +10,27 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import numpy as np
 import pytest
+import torch
+from captures import forward_cameras
 from expected_errors import rejects
 
 import tasks
+from pipeline.shared_store.checkpoints import CheckpointUploader
+from pipeline.shared_store.remote import Remote
+from styletrf.files.float_images import write_float_image
+from styletrf.files.images import read_rgb, write_rgb
+from styletrf.geometry.camera_table import write_cameras
+from styletrf.steps.camera_poses import solve_poses
 from styletrf.steps.step_run import StepRun
 from styletrf.steps.stylized_priors import stylize_priors
+from styletrf.style.style_network import (
+    StyleNetwork,
+    StyleNetworkConfig,
+    save_style_network,
+    stylize,
+)
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs/library.md").read_text(encoding="utf-8")
@@ -92,8 +107,50 @@ def test_an_optimization_that_starts_from_a_network_needs_one(mini, tmp_path: Pa
         stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=(1.0, 1.0))
 
 
+def test_without_a_painting_views_keep_the_colors_of_the_network(tmp_path: Path):
+    network = StyleNetwork(StyleNetworkConfig(2, 1), torch.Generator().manual_seed(0))
+    priors, style = tmp_path / "priors", tmp_path / "style"
+    for folder in (priors / "frames", style, tmp_path / "network"):
+        folder.mkdir(parents=True)
+    save_style_network(network, tmp_path / "network")
+    color = np.random.default_rng(0).random((40, 60, 3), np.float32)
+    cameras, ones = forward_cameras(2), np.ones((40, 60), np.float32)
+    write_cameras(priors / "cameras.parquet", cameras)
+    for camera in cameras:
+        path = priors / "frames" / f"{camera.name}.exr"
+        write_float_image(path, color, ones, ones, half=False)
+    write_rgb(style / "style.png", color[::-1] ** 3)
+    inputs = {"priors": priors, "network": tmp_path / "network"}
+    painted = stylize(network.eval(), torch.from_numpy(color)).numpy()
+    for given, are_kept in (({}, True), ({"style": style}, False)):
+        out = tmp_path / f"kept {are_kept}"
+        out.mkdir()
+        run = StepRun(tmp_path, "cpu")
+        stylize_priors(inputs | given, out, {}, run, colors="style", factors=())
+        for camera in cameras:
+            shown = read_rgb(out / "frames" / f"{camera.name}.png")
+            assert (np.abs(shown - painted).max() < 0.51 / 255) == are_kept
+
+
 @pytest.mark.parametrize(("factors", "missing"), [((), "network"), ((1.0, 1.0), "perceptual")])
 def test_priors_without_a_stylizer_are_refused(mini, tmp_path: Path, factors, missing):
     inputs = {"priors": mini("PriorRenders"), "style": mini("StyleImage")}
     with pytest.raises(ValueError, match=f"no '{missing}'"):
         stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=factors)
+
+
+def test_scratch_files_of_a_killed_search_for_poses_are_no_checkpoint(tmp_path, monkeypatch):
+    """Nothing continues from them, but their time counted, and they were uploaded."""
+    (work := tmp_path / "work").mkdir()
+    (remote := tmp_path / "shared").mkdir()
+
+    def killed(*words):
+        (words[-1] / "database.db").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("styletrf.steps.camera_poses.solve_camera_poses", killed)
+    with pytest.raises(KeyboardInterrupt):
+        solve_poses({"capture": tmp_path}, tmp_path, {}, StepRun(work))
+    assert list(work.rglob("*.db"))
+    CheckpointUploader("key", work, Remote(str(remote))).upload()
+    assert list(remote.iterdir()) == []

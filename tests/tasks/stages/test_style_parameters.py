@@ -8,7 +8,6 @@ from stage_keys import WORDS, key_words
 
 import tasks
 from styletrf.errors import InputError
-from tasks.stages.path_parameters import frame_count
 
 WHERE = {  # a control: the first stages that it changes
     "stroke_scale": (2.0, {"StyleNetwork", "StylizedField"}),  # whose losses look at the painting
@@ -108,6 +107,20 @@ def test_blended_styles_are_adapted_with_the_same_words():
     assert given.requires()["blend udnie"].network == "", "which is the main style's"
 
 
+def test_colors_of_a_given_network_are_kept_unless_an_option_decides_them():
+    """Its painting is not known, so views were moved to the colors of another."""
+    given = {"network": "mosaic.pth", **WORDS}
+    frames = tasks.StylizedFrames(method="per-frame", **given)
+    for stage in (tasks.StylizedPriors(**given), frames):
+        assert "style" not in stage.requires()
+        assert stage.requires()["network"].network == "mosaic.pth"
+    for words in ({"colors": "photograph"}, {"colors": "luminance"}, {"stylizer": "gatys"}):
+        assert "style" in tasks.StylizedPriors(**given, **words).requires()
+    for words in ({}, {"stylizer": "arbitrary"}):
+        assert "style" in tasks.StylizedPriors(**WORDS, **words).requires()
+    assert "style" in tasks.StylizedFrames(method="per-frame", **WORDS).requires()
+
+
 def test_factors_are_recorded_beside_the_settings_and_not_in_them():
     """The report's command repeats both: in the settings they would count twice."""
     stage = tasks.StyleNetwork(stroke_scale=2.0, content_weight=3.0, **WORDS)
@@ -154,6 +167,7 @@ def test_a_setting_of_the_wrong_kind_does_not_break_the_graph(settings):
         ("StylizedFrames", {"region": {"view": "0001", "mask": "no.png"}}, "--region, mask no.png"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": 5}}, "--region, mask 5"),
         ("StylizedFrames", {"region": {"view": "0001", "mask": __file__}}, __file__),
+        ("StylizedFrames", {"region": {"view": 1, "mask": __file__}}, "--region {"),
         ("StylizedFrames", {"strategy": "s2", "strength": 0.5}, "--method field --strategy s2"),
         ("StylizedFrames", {"method": "per-frame", "blend": {"udnie": 0.3}}, "--method per-frame"),
         ("StylizedFrames", {"method": "per-frame", "colors": "luminance"}, "--method per-frame"),
@@ -227,30 +241,19 @@ def test_the_content_of_a_path_decides_and_not_its_name(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "frames"),
+    ("family", "settings", "named"),
     [
-        ({}, 60), ({"seconds": 2.0}, 48), ({"seconds": 2.0, "frame_rate": 60}, 120),
-        ({"seconds": 2.0, "tuning": {"TrajectoryFrames": {"trajectory.speed": 2.0}}}, 24),
-        ({"settings": {"trajectory.frames": "many"}}, None),
-        ({"settings": {"frames_per_second": 23.5}}, None),
+        ("QualityMetrics", {"lpips": True}, "LPIPS"),
+        ("ConsistencyMetrics", {"method": "raft"}, "raft"),
     ],
-)  # fmt: skip
-def test_the_number_of_frames_is_known_before_any_is_made(words, frames):
-    stage = tasks.TrajectoryFrames(scene="s", quality="draft", **words)
-    assert frame_count(stage.values()) == frames
-
-
-@pytest.mark.parametrize(
-    ("frames", "deltas", "is_refused"),
-    [(1, None, True), (2, None, False), (5, [5], True), (6, [5, 7], False), (3, "no list", False)],
 )
-def test_a_path_without_two_frames_to_compare_is_refused(frames, deltas, is_refused):
-    """Before anything is built, not after everything was."""
-    tuning = {"TrajectoryFrames": {"trajectory.frames": frames}}
-    tuning |= {"ConsistencyMetrics": {"deltas": deltas}} if deltas else {}
-    stage = tasks.ConsistencyMetrics(scene="s", style="p", tuning=tuning)
-    if not is_refused:
-        stage.validate()
-        return
-    with rejects("trajectory.frames"):
-        stage.validate()
+def test_a_metric_without_its_weights_is_refused_before_anything_is_built(
+    family, settings, named, tmp_path, monkeypatch
+):
+    """The command failed after all other stages."""
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path))
+    kind = getattr(tasks, family)
+    own = {name: word for name, word in WORDS.items() if name in kind.get_param_names()}
+    kind(**own).validate()
+    with rejects(named):
+        kind(settings=settings, **own).validate()
