@@ -105,7 +105,8 @@ def _set_aside(store: Store, target: Path, lost: ActionRecord | None) -> None:
     """Quarantines a useless record; puts one back that another process linked meanwhile."""
     moved = store.quarantine(target)
     with contextlib.suppress(OSError, ValueError):  # it is invalid, or another was faster
-        if ActionRecord.from_json(moved.read_bytes()) != lost:
+        found = ActionRecord.from_json(moved.read_bytes())
+        if found.action.key == target.stem and found != lost:
             target.hardlink_to(moved)
 
 

@@ -105,13 +105,14 @@ def out_root() -> Path:
 
 def _place(variable: str, section: str) -> Path:
     """Returns the folder in an environment variable, or in `root` of a section."""
-    folder = os.environ.get(variable)
-    return (Path(folder) if folder else configured_path(section, "root")).absolute()
+    return Path(os.environ.get(variable) or configured_path(section, "root")).absolute()
 
 
 def configured_path(section: str, name: str) -> Path:
     """Returns a path setting; relative paths start at the folder of the file that has them."""
-    return _file_of(section, name).parent / Path(setting(section, name)).expanduser()
+    with contextlib.suppress(RuntimeError):  # its `~` stands for no folder
+        return _file_of(section, name).parent / Path(setting(section, name)).expanduser()
+    raise invalid_setting(section, name, "a path")
 
 
 def _file_of(section: str, name: str) -> Path:

@@ -57,9 +57,7 @@ class Store:
         except OSError as error:
             raise StoreError(f"{root} cannot be used as the store: {error.strerror}") from error
         if found not in (FORMAT, ""):
-            raise StoreError(
-                f"{root} is a {found.strip()!r}; this program reads {FORMAT.strip()!r}"
-            )
+            raise StoreError(f"{root} is {found.strip()!r}; this program reads {FORMAT.strip()!r}")
         return cls(root)
 
     def object(self, digest: str) -> Path:

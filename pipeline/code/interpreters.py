@@ -1,5 +1,6 @@
 """Other interpreters, which find the same modules as this one."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -24,6 +25,15 @@ def interpreter_command(function: str) -> list[str]:
     return [sys.executable, "-P", "-c", code]
 
 
+def json_of_last_line(output: str) -> Any:
+    """Returns the JSON in the last line of an output; libraries may write lines before it.
+
+    Raises:
+        ValueError: The last line is not JSON, or there is none.
+    """
+    return json.loads(next(reversed(output.splitlines()), ""))
+
+
 def json_from(
     function: str,
     *arguments: str,
@@ -34,13 +44,13 @@ def json_from(
 
     Args:
         function: The function, as `module:name`. It writes the JSON as the last line of standard
-            output, since libraries may write lines of their own before it.
+            output.
         arguments: The arguments of the function.
         environment: The variables of the interpreter; by default those of this one.
         stderr: The standard error, as of `subprocess.run`.
 
     Raises:
-        subprocess.CalledProcessError: The function failed, or wrote nothing.
+        subprocess.CalledProcessError: The function failed, or wrote no JSON.
     """
     done = subprocess.run(
         [*interpreter_command(function), *arguments],
@@ -50,8 +60,9 @@ def json_from(
         check=False,
         env=environment or interpreter_environment(),
     )
-    if done.returncode or not done.stdout:
-        error = subprocess.CalledProcessError(done.returncode, done.args)
-        error.add_note(f"{done.stderr or ''}"[-2000:])
-        raise error
-    return json.loads(done.stdout.splitlines()[-1])
+    with contextlib.suppress(ValueError):
+        if not done.returncode:
+            return json_of_last_line(done.stdout)
+    error = subprocess.CalledProcessError(done.returncode, done.args)
+    error.add_note(f"{done.stderr or ''}"[-2000:])
+    raise error

@@ -52,7 +52,8 @@ def allocate(
 ) -> Iterator[CpuAllocation]:
     """Holds a part of this host: cores, and the expected memory.
 
-    It waits for `min_cores` and for the memory, in the order of the requests.
+    It waits for `min_cores` and for the memory, in the order of the requests: while it waits, all
+    builds behind it wait, too, so that builds that need less do not keep it waiting for ever.
 
     Args:
         max_cores: How many cores to take, if enough are free.
@@ -82,10 +83,11 @@ def allocate_alone(
 
     While no other build holds a core, the build uses all, and leases `max_cores`, so that the next
     one finds the others free. Beside other builds it is bound to as many of the free ones. It waits
-    for no core: if none is free, or a quota says how many it may use, it uses all. It waits for the
-    memory it expects. If that is unknown, it leases the same fraction of the memory as of the
-    cores, as far as this is free. Where the folder of leases cannot be used, it shares nothing, and
-    a warning says so. The arguments are those of `allocate`.
+    for its turn, behind builds that wait for cores or memory, and for the memory it expects. If
+    that is unknown, it leases the same fraction of the memory as of the cores, as far as this is
+    free. In its turn it waits for no core: if none is free, or a quota says how many it may use, it
+    uses all. Where the folder of leases cannot be used, it shares nothing, and a warning says so.
+    The arguments are those of `allocate`.
     """
     n_parts = _memory_parts(max_cores, expected_bytes)
     with contextlib.ExitStack() as stack:

@@ -150,8 +150,8 @@ class CostModel:
         cost = self._by_own_builds(stage)
         if cost is None:
             cost = self._by_reference(stage)
-            if measured and work_of(stage) == work_of(measured.stage):
-                cost = replace(cost, seconds=self._seconds_of_front(stage, measured))
+            if measured and (seconds := self._seconds_of_front(stage, measured)) is not None:
+                cost = replace(cost, seconds=seconds)
         return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
 
     def _by_own_builds(self, stage: luigi.Task) -> ExpectedCost | None:
@@ -179,16 +179,16 @@ class CostModel:
             expected, seconds=slower * (expected.seconds + added), cpu_seconds=slower * cpu_seconds
         )
 
-    def _seconds_of_front(self, stage: luigi.Task, measured: MeasuredSeconds) -> float:
-        """Returns the seconds here, scaled from the front's stage by the work that it is more."""
+    def _seconds_of_front(self, stage: luigi.Task, measured: MeasuredSeconds) -> float | None:
+        """Returns the seconds here, scaled from the front's stage; None if they do not compare."""
         work, here, sizes = work_of(stage), self._drivers(stage), self._sizes
         if measured.photographs:
             sizes = {str(stage.param_kwargs.get("scene", "")): measured.photographs}
         there = drivers_of(measured.stage, sizes, settings={})
-        added = added_seconds(work, here) - added_seconds(work, there)
-        scaled = seconds_scaled(measured.seconds, START_S, work_ratio(work, here, there))
+        if work != work_of(measured.stage) or not is_comparable(work, here, there):
+            return None
         slower = self.here.times_slower_than(measured.calibration, stage.task_family)
-        return slower * (scaled + added)
+        return slower * seconds_scaled(measured.seconds, START_S, work_ratio(work, here, there))
 
     def _is_comparable(self, stage: luigi.Task, earlier: luigi.Task) -> bool:
         drivers = self._drivers(stage), self._drivers(earlier, settings={})

@@ -50,15 +50,19 @@ def drivers_of(
     numbers["frames"] = frame_count(settings, path_seconds) or 0
     if isinstance(stage, ConfigurableStage):
         numbers["bytes_a_pixel"] = BYTES_A_PIXEL.get(demand_name(stage), 0.0)
-    if isinstance(stage, ShardedStage) and (stage.shard or stage.shards > 1):
-        numbers["part"] = 1 / int(stage.shard.partition("/")[2]) if stage.shard else _JOINING
+    joins = isinstance(stage, ShardedStage) and stage.shards > 1 and not stage.shard
+    if joins:
+        numbers["part"] = _JOINING
+    elif isinstance(stage, ShardedStage) and stage.shard:
+        numbers["part"] = 1 / int(stage.shard.partition("/")[2])
     photographs = sizes.get(str(stage.param_kwargs.get("scene", "")))
     if photographs:
         numbers |= _pixels(photographs, settings, of_prior=stage.task_family in _OF_PRIORS)
     if isinstance(stage, StylizedField) and work_of(stage) == WHOLE_FIT:
         numbers |= _whole_fit(stage.strategy, numbers)
     if isinstance(stage, StylizedPriors):
-        numbers |= _optimization(numbers) if stage.stylizer == "gatys" else {"optimized_pixels": 0}
+        optimizes = stage.stylizer == "gatys" and not joins  # its shards are optimized already
+        numbers |= _optimization(numbers) if optimizes else {"optimized_pixels": 0}
     return numbers
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.maintenance.roots import add_folder_root, shown_artifacts
-from pipeline.settings import current_store
+from pipeline.settings import current_store, out_root
 from pipeline.task import StoredTask, artifact
 from styletrf.errors import InputError
 from styletrf.files.atomic_write import atomic_write
@@ -38,9 +38,13 @@ class LinkedStage(Stage):
         """Returns the target of each link by its name; `place` returns an artifact's folder."""
 
     def published(self) -> bool:
-        """Returns whether every link has the right target, and that exists."""
+        """Returns whether every link has the right target, which exists, and the keys are its own.
+
+        The links alone do not prove it: two commands may have made them in turn.
+        """
         folder = self.folder
-        return _keys_file(folder / self.page).exists() and all(
+        keys = made_from(folder / self.page)
+        return keys[-1:] == [self.action().key] and all(
             (folder / name).is_symlink()
             and (folder / name).readlink() == target
             and target.exists()
@@ -50,15 +54,15 @@ class LinkedStage(Stage):
     def publish(self, object_path: Path) -> None:
         """Makes the links, removes links of earlier runs, and lists the keys of the lineage.
 
-        Other commands may do the same at the same time. Links of the user stay. The keys are
-        written last, so that the result counts as published after all the rest is done.
+        Other commands may do the same at the same time. Links of the user stay. The former keys
+        are removed first, since they are not those of the new links. The keys are written last, so
+        that the result counts as published after all the rest is done.
         """
         store, links = current_store(), self.links(artifact)
         keys, page = [*self.lineage(), self.action().key], self.folder / self.page
         self.folder.mkdir(parents=True, exist_ok=True)
-        add_folder_root(store, self.folder, links.values())
-        if made_from(page) != keys:
-            _keys_file(page).unlink(missing_ok=True)
+        add_folder_root(store, self.folder, links.values(), out_root())
+        _keys_file(page).unlink(missing_ok=True)
         for name, target in links.items():
             partial = self.folder / f".{name}.{uuid.uuid4().hex}"
             partial.symlink_to(target)

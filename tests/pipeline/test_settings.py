@@ -42,6 +42,14 @@ def test_a_relative_path_starts_where_the_file_lies_that_names_it(elsewhere, tmp
     assert data_root() == tmp_path / "work" / "data", "a default starts at the working directory"
 
 
+def test_a_home_that_there_is_not_is_one_line_of_its_setting(write):
+    """It was a traceback."""
+    write("[out]\nroot = ~nobody-has-this-name/out\n")
+    with pytest.raises(StoreError) as error:
+        out_root()
+    assert mentions(str(error.value), "[out] root", "~nobody-has-this-name/out", "a path")
+
+
 @pytest.mark.parametrize(
     ("given", "found"),
     [("shared", "cluster/shared"), ("", ""), ("s3://bucket/a", "s3://bucket/a"), ("/mnt", "/mnt")],

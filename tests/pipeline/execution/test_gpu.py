@@ -1,5 +1,6 @@
 """One build a GPU, over real commands and processes; their UUIDs are settings."""
 
+import gc
 import os
 import signal
 import stat
@@ -197,6 +198,7 @@ def test_another_users_lease_is_honored_and_then_used(gpus):
     def take_as(user: int) -> int:
         child = os.fork()
         if child == 0:
+            gc.freeze()  # see `forked` in support/killing.py
             answer = 1
             try:
                 os.setuid(user)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import socket
 import tempfile
 from collections.abc import Callable, Iterator
@@ -27,11 +28,11 @@ def on_host(monkeypatch) -> Callable[[str], None]:
     return lambda name: monkeypatch.setattr(socket, "gethostname", lambda: name)
 
 
-def shown(store: Store, folder: Path, name: str) -> Path:
+def shown(store: Store, folder: Path, name: str, top: Path | None = None) -> Path:
     """A folder that shows a new artifact."""
     target = store.object(made(store, name).output.digest)
-    folder.mkdir(exist_ok=True)
-    add_folder_root(store, folder, [target])
+    folder.mkdir(exist_ok=True, parents=True)
+    add_folder_root(store, folder, [target], top)
     (folder / name).symlink_to(target)
     return folder
 
@@ -90,6 +91,94 @@ def test_unpin_of_a_folder_ends_the_root_of_this_host_alone(store, tmp_path, on_
 
 
 @pytest.fixture
+def shared(store, tmp_path, on_host) -> Path:
+    """The folder `out/scene` of another host, which shows `a`; goes on here."""
+    on_host("there")
+    shown(store, tmp_path / "out/scene", "a", tmp_path / "out")
+    on_host("here")
+    return tmp_path / "out/scene"
+
+
+@pytest.mark.parametrize("is_published_here", [False, True])
+@pytest.mark.parametrize("is_removed", [False, True])
+def test_a_shared_folder_keeps_what_it_shows_whichever_host_put_it_there(
+    store, shared, is_published_here, is_removed
+):
+    """A container has a new name whenever it is created, and nothing was ever freed."""
+    collect_all(store)
+    assert names(store) == ["a"]
+    (shared / "a").unlink()
+    if is_published_here:
+        shown(store, shared, "b", shared.parent)
+        collect_all(store)
+        assert names(store) == ["b"]
+        (shared / "b").unlink()
+    if is_removed:
+        shared.rmdir()
+    collect_all(store)
+    assert names(store) == []
+
+
+def test_unpin_of_a_shared_folder_ends_the_roots_of_all_its_hosts(store, shared):
+    shown(store, shared, "b", shared.parent)
+    unpin(store, str(shared))
+    collect_all(store)
+    assert names(store) == []
+
+
+@pytest.mark.parametrize("is_copied", [False, True])
+def test_a_folder_of_this_host_under_the_same_path_frees_nothing_of_another_host(
+    store, shared, tmp_path, is_copied
+):
+    """A copy of `out/`, such as by rsync, shows the same artifacts but is another folder."""
+    shared.parent.rename(tmp_path / "theirs")
+    if is_copied:
+        shutil.copytree(tmp_path / "theirs", shared.parent, symlinks=True)
+        (shared / "a").unlink()
+    else:
+        shown(store, shared, "b", shared.parent)
+        (shared / "b").unlink()
+    collect_all(store)
+    assert names(store) == ["a"]
+
+
+def test_a_shared_folder_whose_links_lead_elsewhere_here_frees_nothing(store, shared):
+    """On the other host the store has another path."""
+    (root,) = (store.root / "roots").iterdir()
+    content = json.loads(root.read_text())
+    root.write_text(json.dumps({**content, "store": f"{store.root}-there"}))
+    (shared / "a").unlink()
+    (shared / "a").symlink_to(f"{store.root}-there/objects/aa/a")
+    collect_all(store)
+    assert names(store) == ["a"]
+
+
+def test_a_folder_on_another_disk_than_the_one_with_its_mark_frees_nothing_elsewhere(
+    store, tmp_path, on_host
+):
+    """A machine may see `out/` and not what a link in it leads to."""
+    on_host("there")
+    for folder in (tmp_path / "disk", tmp_path / "out"):
+        folder.mkdir()
+    scene = tmp_path / "out/scene"
+    scene.symlink_to(tmp_path / "disk")
+    shown(store, scene, "a", tmp_path / "out")
+    on_host("here")
+    (tmp_path / "disk").rename(tmp_path / "away")
+    collect_all(store)
+    assert names(store) == ["a"]
+
+
+def test_a_root_that_another_process_removes_meanwhile_keeps_nothing(store, tmp_path, monkeypatch):
+    shown(store, tmp_path / "out", "a")
+    listed = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda path: [*listed(path), path / ".removed"])
+    collect_all(store)
+    assert names(store) == ["a"]
+    unpin(store, str(tmp_path / "out"))
+
+
+@pytest.fixture
 def public() -> Iterator[Path]:
     """A folder that anybody may enter."""
     with tempfile.TemporaryDirectory() as folder:
@@ -125,6 +214,10 @@ def test_a_root_of_an_earlier_version_is_one_of_this_host(store, tmp_path):
     earlier.write_text(json.dumps(content))
     collect_all(store)
     assert names(store) == ["a"]
+    out.rename(tmp_path / "away")
+    collect_all(store)
+    assert names(store) == ["a"], "the folder may be one of another host"
+    (tmp_path / "away").rename(out)
     unpin(store, str(out))
     assert not earlier.exists()
     earlier.write_text(json.dumps(content))

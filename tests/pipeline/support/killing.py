@@ -8,6 +8,7 @@ act run to its end, and looks again. `killed` interrupts by SIGKILL at the named
 
 import contextlib
 import errno
+import gc
 import itertools
 import os
 import select
@@ -186,6 +187,7 @@ def forked(act: Callable[[], object]) -> int:
     child = os.fork()
     if child:
         return child
+    gc.freeze()  # garbage of other tests may wait for threads, which a fork does not have
     status = 1
     try:
         act()

@@ -15,7 +15,7 @@ from pipeline.execution.cpu_memory import available_memory_bytes
 from pipeline.maintenance.task_graph import upstream_first
 from styletrf.errors import InputError
 from styletrf.files.video import write_video
-from tasks.planning import stage_demands
+from tasks.planning import scene_sizes, stage_demands
 from tasks.planning.memory_demand import (
     GROWTH,
     MARGIN,
@@ -106,6 +106,12 @@ def test_a_scene_that_cannot_be_read_is_left_to_its_own_stage(photographs, monke
 def test_sizes_are_those_of_the_scenes_that_can_be_read(photographs, monkeypatch):
     monkeypatch.setenv("STYLETRF_DATA", str(photographs))
     assert sizes_of(("mini", "nowhere")) == {"mini": photographs_of("mini", 60)}
+
+
+@pytest.mark.parametrize("answer", ["", "a library ended the process"])
+def test_sizes_are_unknown_if_the_process_answers_nothing(monkeypatch, answer):
+    monkeypatch.setattr(scene_sizes, "output_of", lambda *_: answer)
+    assert sizes_of((f"a scene that is read once: {answer}",)) == {}
 
 
 def test_demands_are_those_of_the_command(out):

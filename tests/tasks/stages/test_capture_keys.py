@@ -28,3 +28,21 @@ def test_a_photograph_beside_a_clip_is_in_the_key_as_a_warning_names_it(scene: P
 
 def test_a_clip_alone_is_all_that_its_key_covers(scene: Path):
     assert list(digests()) == ["a.mp4"]
+
+
+@pytest.mark.parametrize("clip", ["walk/b.mp4", "walk/images/b.mp4", "walk.mov"])
+def test_the_name_of_a_clip_beside_photographs_is_in_the_key_as_a_warning_has_it(
+    scene: Path, clip: str
+):
+    """The result of one command depended on clips that came later, and its key did not."""
+    (scene / "a.mp4").unlink()
+    (scene / "images").mkdir()
+    for index in range(3):
+        (scene / f"images/{index}.jpg").write_bytes(b"photograph")
+    before = digests()
+    assert list(before) == [f"images/{index}.jpg" for index in range(3)]
+    (scene.parent / clip).write_bytes(b"clip")
+    named = digests()
+    assert before.items() < named.items()
+    (scene.parent / clip).write_bytes(b"another clip")  # of which nothing is read
+    assert digests() == named

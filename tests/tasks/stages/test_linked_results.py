@@ -1,6 +1,7 @@
 """The folders of links in `out/`: several commands may fill one, and users keep links there."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import luigi
@@ -8,6 +9,7 @@ import pytest
 
 from pipeline.settings import current_store, out_root
 from pipeline.task import RunContext, StoredTask, artifact
+from tasks.stages import linked_results
 from tasks.stages.linked_results import LinkedStage, made_from
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -106,6 +108,27 @@ def test_an_interrupted_publication_does_not_count_and_has_no_keys_of_another_re
     assert calls > len(second.links(artifact))
     assert second.published()
     assert made_from(page) == [second.action().key]
+
+
+def test_a_result_does_not_count_with_the_keys_of_another_command(out, monkeypatch):
+    """The one wrote its keys last, the other its links: the latter counted as published."""
+    first, second = published(1), published(2)
+    write = linked_results.atomic_write
+
+    @contextlib.contextmanager
+    def write_after_another(path: Path) -> Iterator[Path]:
+        monkeypatch.setattr(linked_results, "atomic_write", write)
+        second.publish(artifact(second))
+        with write(path) as file:
+            yield file
+
+    monkeypatch.setattr(linked_results, "atomic_write", write_after_another)
+    first.publish(artifact(first))
+    assert (out / "mini/page.html").read_text() == "2"
+    assert not first.published()
+    assert not second.published()
+    second.run()
+    assert second.published()
 
 
 def test_a_link_to_a_collected_artifact_is_removed(out):
