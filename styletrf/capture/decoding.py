@@ -1,6 +1,5 @@
 """Decodes the file of a photograph, and notices where it is damaged."""
 
-import io
 import os
 import re
 import sys
@@ -14,7 +13,7 @@ import numpy as np
 
 from styletrf.files.heif_images import heif_pixels
 from styletrf.files.unusual_images import gray_with_alpha, is_gray_with_alpha
-from styletrf.geometry.exif_orientation import stored_size, turned_upright
+from styletrf.geometry.exif_orientation import orientation_in_exif, turned_upright
 
 # What libjpeg says of damaged data. It also warns of harmless things: padding before the last
 # marker, the scan parameters that some phones write.
@@ -55,8 +54,7 @@ def decoded(file: bytes, *, is_heif: bool) -> np.ndarray | None:
 
 def _turned(pixels: np.ndarray, file: bytes) -> np.ndarray:
     """Returns the stored pixels of a file as its EXIF data turn them upright."""
-    _, orientation = stored_size(io.BytesIO(file))
-    return turned_upright(pixels, orientation)
+    return turned_upright(pixels, orientation_in_exif(file))
 
 
 def _jpeg_ends(file: bytes) -> bool:

@@ -61,9 +61,12 @@ def require_mask_of(path: Path, width: int, height: int) -> None:
         problem = f"is {mask.shape[1]}x{mask.shape[0]}, and its photograph {width}x{height}"
         raise InputError(f"mask {path.name}", problem, "Draw it at the photograph's size")
     if not mask.any():
-        brightest = int(read_mask_image(path).max())
+        image = read_mask_image(path)
+        brightest = int(image.max())
         remedy = "Leave the photograph out, or make white what counts"
-        if brightest:
+        if (read_photograph(path) != image).any():  # on white, so that transparent parts show
+            remedy = "Put a white layer beneath the paint, or paint white what counts"
+        elif brightest:
             remedy = f"Make what counts white (255): its brightest pixel is {brightest}"
         problem = "is black all over, or nearly so; transparent parts are black"
         raise InputError(f"mask {path.name}", problem, remedy)

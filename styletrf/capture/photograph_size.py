@@ -29,7 +29,7 @@ def first_size(files: Sequence[Path]) -> tuple[int, int]:
 def photograph_size(path: Path) -> tuple[int, int]:
     """Returns width and height in pixels of a photograph as `read_photograph` returns it.
 
-    For a JPEG, and for a PNG that no EXIF may turn, only the header is read.
+    Of a JPEG, and of a PNG whose EXIF, if any, lies behind its pixels, these are not decoded.
 
     Raises:
         InputError: As `read_photograph`; not all damage is found.

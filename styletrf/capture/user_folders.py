@@ -22,10 +22,10 @@ from styletrf.capture.photographs import (
     too_few,
 )
 from styletrf.capture.poses.colmap_folders import colmap_files
-from styletrf.capture.poses.transforms_json import transforms_photographs
+from styletrf.capture.poses.transforms_frames import transforms_photographs
 from styletrf.content.content_sources import CONTENT_SUFFIXES
 from styletrf.errors import InputError
-from styletrf.files.linked_folders import walk, walk_files
+from styletrf.files.linked_folders import walk_files
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
@@ -171,8 +171,7 @@ def _photographs_and_poses(found: Path) -> list[Path]:
     poses = [path for pattern in _POSES for path in sorted(folder.glob(pattern)) if path.is_file()]
     poses += colmap_files(folder)
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
-        below = (place / name for place, _, names in walk(folder) for name in names)
-        images = sorted(_of_suffix(below, PHOTOGRAPH_SUFFIXES))
+        images = sorted(_of_suffix(walk_files(folder), PHOTOGRAPH_SUFFIXES))
         return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
     return list(dict.fromkeys([*list_photographs(found), *mask_files(found), *poses]))
 

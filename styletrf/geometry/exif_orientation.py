@@ -8,22 +8,39 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
+from PIL.TiffImagePlugin import TiffImageFile
 
 UPRIGHT = 1
 FIRST_TRANSPOSED = 5  # from this orientation on, width and height change places
 _TAG = 0x0112
+_WIDTH_TAG, _HEIGHT_TAG = 0x0100, 0x0101  # of a TIFF
+_PNG_SIGNATURE_BYTES = 8
 _MIRRORED_X, _MIRRORED_Y = (2, 3, 6, 7), (3, 4, 7, 8)  # EXIF 2.3, once x and y changed places
 _UNREADABLE = (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError)
 
 
-def stored_size(file: Path | io.BytesIO) -> tuple[tuple[int, int], int]:
-    """Returns width and height of a photograph as it is stored, and the orientation in its EXIF.
+def stored_size(file: Path) -> tuple[tuple[int, int], int]:
+    """Returns width and height of a photograph as it is stored, and how it is turned upright.
 
     The orientation is 1 to 8, and 1 where there is none. What Pillow cannot read has the size 0, 0.
     """
     with suppress(*_UNREADABLE), Image.open(file) as opened:
+        if isinstance(opened, TiffImageFile):  # whose `size` is that of the upright picture
+            tags = opened.tag_v2
+            return (tags[_WIDTH_TAG], tags[_HEIGHT_TAG]), _possible(tags.get(_TAG))
         return opened.size, orientation_of(opened)
     return (0, 0), UPRIGHT
+
+
+def orientation_in_exif(file: bytes) -> int:
+    """Returns the orientation that the EXIF block of a file names, from 1 to 8; else 1.
+
+    A TIFF has none: its orientation is a tag of its own, by which OpenCV turns it.
+    """
+    with suppress(*_UNREADABLE), Image.open(io.BytesIO(file)) as opened:
+        return orientation_of(opened)
+    return UPRIGHT
 
 
 def orientation_of(opened: Image.Image) -> int:
@@ -33,10 +50,32 @@ def orientation_of(opened: Image.Image) -> int:
     """
     exif = Image.Exif()
     with suppress(*_UNREADABLE):
-        exif.load(opened.info.get("exif", b""))
-        named = exif.get(_TAG, UPRIGHT)
-        return named if named in range(1, 9) else UPRIGHT
+        block = opened.info.get("exif", b"")
+        exif.load(block or _exif_behind_pixels(opened))
+        return _possible(exif.get(_TAG))
     return UPRIGHT
+
+
+def _exif_behind_pixels(opened: Image.Image) -> bytes:
+    """Returns the EXIF block of a PNG that Pillow reads with the pixels alone; else nothing."""
+    if not isinstance(opened, PngImageFile) or opened.fp is None:
+        return b""
+    file = opened.fp
+    position = file.tell()
+    file.seek(_PNG_SIGNATURE_BYTES)
+    block = b""
+    while not block and len(head := file.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", head)
+        if kind == b"eXIf":
+            block = file.read(length)
+        file.seek(length + 4, io.SEEK_CUR)  # and the checksum
+    file.seek(position)
+    return block
+
+
+def _possible(orientation: object) -> int:
+    """Returns an orientation from 1 to 8; 1 for anything else."""
+    return orientation if isinstance(orientation, int) and orientation in range(1, 9) else UPRIGHT
 
 
 def upright_axes(orientation: int) -> Int[np.ndarray, "2 2"]:

@@ -5,6 +5,7 @@ its cameras through it. `scene.json` holds each decision with the quantity it wa
 """
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from operator import methodcaller
@@ -121,8 +122,8 @@ def decide_scene_model(
         exposure: The exposures of the photographs, where they were estimated.
 
     Raises:
-        InputError: There are too few points to see where the scene is, or the space that is set
-            cannot hold it.
+        InputError: There are too few points to see where the scene is, the space that is set cannot
+            hold it, or the working size is too small to be painted.
         NotFiniteError: A point, a camera or the model is not finite.
     """
     named = [("sparse points", points_world), *map(camera_numbers, cameras)]
@@ -133,16 +134,35 @@ def decide_scene_model(
             f"only {len(points_world)} points were reconstructed, too few to place the scene",
             "Take more overlapping photographs of textured surfaces",
         )
+    view = _working_view(cameras, config)
     placement = _placed(cameras, points_world, config, explained or ExplainedPixels())
     shading, of_shading = _shading(config, dependence)
     exposures, of_exposure = _exposures(config, exposure)
-    view = fitted_to(typical_view(cameras), config.image_long_side)
     model = _sized(placement, view, shading, config.bound(placement.space.kind))
     evidence = model.evidence | {"shading": of_shading, "exposure": of_exposure}
     model = replace(model, exposures=exposures, evidence=evidence)
     made_of = f"of {len(cameras)} cameras and {len(points_world)} points"
     require_finite("scene model", made_of, _numbers(model))
     return model
+
+
+def _working_view(cameras: Sequence[Camera], config: SceneModelConfig) -> Camera:
+    """Returns the typical camera at the working size; refuses one with too short a side."""
+    photograph = typical_view(cameras)
+    view = fitted_to(photograph, config.image_long_side)
+    if min(view.width, view.height) >= _SMALLEST_PX:
+        return view
+    short, long = sorted((photograph.width, photograph.height))
+    needed = math.ceil(_SMALLEST_PX * long / short)
+    remedy = f"Give photographs with at least {_SMALLEST_PX} pixels a side"
+    if needed <= long:
+        remedy = f"""Set --SceneModel-settings '{{"image_long_side": {needed}}}' or more"""
+    raise InputError(
+        f"image_long_side {config.image_long_side}",
+        f"photographs are worked on at {view.width}x{view.height} pixels, and at least"
+        f" {_SMALLEST_PX} a side are needed to paint them",
+        remedy,
+    )
 
 
 def _placed(

@@ -29,7 +29,8 @@ from styletrf.sfm.mapping import (
 from styletrf.sfm.matching.image_pairs import Pairs, all_pairs
 from styletrf.sfm.pose_adjustment import adjusted_poses, triangulated
 
-NEIGHBORS = 20  # with which each photograph is matched, where there are more
+NEIGHBORS = 20
+"""With so many each photograph is matched, where there are more; more are many."""
 _WIDEST_DEG = 60.0  # between the views of photographs that are matched
 _FEWEST_POINTS = 16
 _LEAST_FRACTION = 0.3  # of the matched features, that have a point; right poses have 0.9
@@ -72,18 +73,26 @@ def map_known_poses(
         found = adjusted_poses(model, database, images.folder, images.long_side, seed)
         model, reason = found.model, found.reason
     _require_fitting(model, database, source)
-    explained = _explained(model, database, images.folder, seed)
+    explained = explained_by_given(model, database, images.folder, seed)
     return SfmResult([model], "neighbors", verified, f"{GIVEN_BY}{source}", reason, explained)
 
 
-def _explained(model: pycolmap.Reconstruction, database: Path, folder: Path, seed: int) -> float:
-    """Returns the fraction of the matches that poses explain.
+def explained_by_given(
+    model: pycolmap.Reconstruction, database: Path, folder: Path, seed: int
+) -> float:
+    """Returns the fraction of the matches that given poses explain.
 
     Of few photographs most points are in two alone. The model leaves these out, and right poses
-    explain them.
+    explain them. Of many photographs, wrong poses would explain such points as well.
+
+    Args:
+        model: The model at the poses, see `triangulated`.
+        database: The COLMAP database, with verified matches.
+        folder: The folder of the images.
+        seed: Decides COLMAP's sampling.
     """
     explained = explained_fraction(database, [model])
-    if explained >= ENOUGH_EXPLAINED:
+    if explained >= ENOUGH_EXPLAINED or model.num_reg_images() > NEIGHBORS:
         return explained
     by_twos = triangulated(model, database, folder, seed, fewest_views=2)
     return explained_fraction(database, [by_twos])

@@ -33,8 +33,10 @@ class SfmResult:
 
     `explained` is the fraction of the verified matches between placed photographs whose two
     features are one point of the largest model. A model fooled by things that repeat (a wallpaper)
-    leaves many unexplained, however small its reprojection error. Where it `has_own_lenses`, each
-    photograph whose lens was assumed to be that of others had its own.
+    leaves many unexplained, however small its reprojection error. Points are in three photographs
+    or more; with given poses of at most 20 photographs, those in two count if else too little is
+    explained. Where it `has_own_lenses`, each photograph whose lens was assumed to be that of
+    others had its own.
     """
 
     models: Sequence[pycolmap.Reconstruction]

@@ -18,9 +18,13 @@ def read_pickled(path: Path, kind: str, remedy: str) -> Any:
 
     Raises:
         InputError: The file cannot be read, or is something else.
+        MemoryError: It is larger than the memory.
     """
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
+    except MemoryError:
+        raise
     except Exception as error:  # bytes that are no pickle make an unpickler raise anything
-        reason = getattr(error, "strerror", None) or type(error).__name__
+        said = f"{type(error).__name__}: {error}".partition("\n")[0].rstrip(": ")
+        reason = getattr(error, "strerror", None) or said
         raise InputError(str(path), f"cannot be read as {kind} ({reason})", remedy) from error

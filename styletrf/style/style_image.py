@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 from styletrf.capture.photographs import read_photograph
 from styletrf.errors import InputError
 from styletrf.files.images import from_integers
-from styletrf.style.perceptual.painting_size import MOST_SHORT_SIDE_PX
+from styletrf.style.perceptual.painting_size import LARGEST_SQUARE_PX
 from styletrf.style.style_survey import painting_warnings
 
 _LOGGER = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     """Returns a painting as RGB float32 in [0, 1], upright, transparent parts over white.
 
     Of a scroll, longer than eight times its shorter side, only the middle is used, with a warning.
-    A painting whose shorter side has more than `MOST_SHORT_SIDE_PX` pixels is reduced to that.
+    A painting whose shorter side has more than `LARGEST_SQUARE_PX` pixels is reduced to that.
 
     Raises:
         InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
@@ -67,7 +67,7 @@ def _middle(pixels: UInt8[np.ndarray, "_ _ 3"], name: str) -> UInt8[np.ndarray, 
 
 def _reduced(pixels: UInt8[np.ndarray, "_ _ 3"]) -> UInt8[np.ndarray, "_ _ 3"]:
     """Returns a painting no larger than it is ever looked at; in float it would take gigabytes."""
-    scale = MOST_SHORT_SIDE_PX / min(pixels.shape[:2])
+    scale = LARGEST_SQUARE_PX / min(pixels.shape[:2])
     if scale >= 1:
         return pixels
     height, width = (round(side * scale) for side in pixels.shape[:2])

@@ -4,15 +4,15 @@ Per frame a `file_path` and `transform_matrix`, world from camera with OpenGL's 
 z backwards. The lens is one field of view for all (`camera_angle_x`; Mildenhall et al. 2020), or
 `fl_x`, `fl_y`, `cx`, `cy`, `w`, `h` with OpenCV's `k1`, `k2`, `p1`, `p2`, `k3`, for all or in a
 frame. Without `w` and `h`, a frame's own lens is for its photograph, and that of all frames for the
-first photograph that can be read.
+first photograph that can be read and those of its proportions, upright or lying; any other has it
+at its own size.
 A fisheye (`"camera_model": "OPENCV_FISHEYE"`, or `"is_fisheye": true`) has `k1` to `k4`.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +25,19 @@ from styletrf.capture.poses.given_poses import (
     GivenView,
     Lens,
     given_poses,
-    require_inside,
     rigid,
+)
+from styletrf.capture.poses.transforms_frames import (
+    REMEDY,
+    Frame,
+    frames_in,
+    parts_of,
+    photograph_named,
 )
 from styletrf.capture.poses.upright_views import upright_views
 from styletrf.errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
-_SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".JPG", ".PNG")
-_REMEDY = "Export the scene again, or move the file away: then poses are estimated"
 _BENDS = {
     "OPENCV": ("k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("k1", "k2", "p1", "p2", "k3"),
@@ -56,7 +60,7 @@ def read_transforms(folder: Path) -> GivenPoses | None:
         InputError: A file does not have this format, a matrix is no pose, a photograph lies outside
             the folder, or fewer than three photographs exist.
     """
-    parts = _parts(folder)
+    parts = parts_of(folder)
     views = [view for path, held_out in parts.items() for view in _views_with(path, held_out)]
     return given_poses(next(iter(parts)), _of_one_model(views)) if parts else None
 
@@ -76,16 +80,6 @@ def _widened(lens: Lens, parameters: int) -> Lens:
     return replace(lens, model=model, params=(*lens.params, *zeros))
 
 
-def transforms_photographs(folder: Path) -> list[Path]:
-    """Returns the photographs that `read_transforms` reads, by the paths that name them.
-
-    Raises:
-        InputError: A file is not of this format, or names a photograph outside the folder.
-    """
-    files = [_file(path, frame.name) for path in _parts(folder) for frame in _frames(path)]
-    return [file for file in files if file.is_file()]
-
-
 def transforms_cameras(path: Path) -> list[GivenView]:
     """Returns the views in one file by that file alone: no photograph is read.
 
@@ -96,98 +90,54 @@ def transforms_cameras(path: Path) -> list[GivenView]:
     """
     return [
         GivenView(Path(frame.name), _lens(path, frame.values, None), _pose(path, frame))
-        for frame in _frames(path)
+        for frame in frames_in(path)
     ]
-
-
-def _parts(folder: Path) -> dict[Path, bool | None]:
-    """Returns the files that hold a scene's poses, and whether their photographs are held out."""
-    whole, train, test = (folder / f"transforms{part}.json" for part in ("", "_train", "_test"))
-    if whole.exists():
-        return {whole: None}
-    if not train.exists():
-        return {}
-    return {train: False, test: True} if test.exists() else {train: None}
-
-
-@dataclass(frozen=True, slots=True)
-class _Frame:
-    """The photograph's name, the matrix and the values of a frame, those of the file beneath."""
-
-    name: str
-    matrix: np.ndarray
-    values: dict[str, Any]
-    has_own_lens: bool
-
-    @property
-    def has_size(self) -> bool:
-        """Whether the file of poses gives the size of the picture that the lens is for."""
-        return {"w", "h"} <= self.values.keys()
-
-
-def _frames(path: Path) -> list[_Frame]:
-    """Returns the frames in a file."""
-    try:
-        values = json.loads(path.read_text())
-        return [
-            _Frame(
-                str(frame["file_path"]),
-                np.array(frame["transform_matrix"], dtype=np.float64),
-                {**values, **frame},
-                has_own_lens=bool({"fl_x", "camera_angle_x"} & frame.keys()),
-            )
-            for frame in values["frames"]
-        ]
-    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
-        raise InputError(str(path), "is no transforms file", _REMEDY) from error
 
 
 def _views_with(path: Path, held_out: bool | None) -> list[GivenView]:  # noqa: FBT001
     """Returns the views in one file, whether or not their photographs are there."""
-    frames = _frames(path)
-    files = [_file(path, frame.name) for frame in frames]
+    frames = frames_in(path)
+    files = [photograph_named(path, frame.name) for frame in frames]
     views = [
         GivenView(file, _lens(path, frame.values, size), _pose(path, frame), held_out)
         for file, frame, size in zip(files, frames, _sizes(frames, files), strict=True)
     ]
-    return upright_views(views) if all(frame.has_size for frame in frames) else views
-
-
-def _sizes(frames: Sequence[_Frame], files: Sequence[Path]) -> list[tuple[int, int]]:
-    """Returns the sizes of the pictures that lenses are for, where the file gives none."""
-    of_all = (1, 1) if all(frame.has_size for frame in frames) else _first_size(files)
+    sized = (view for view, frame in zip(views, frames, strict=True) if frame.has_size)
+    upright = iter(upright_views(list(sized)))
     return [
-        _first_size([file]) if frame.has_own_lens and not frame.has_size else of_all
-        for frame, file in zip(frames, files, strict=True)
+        next(upright) if frame.has_size else view for view, frame in zip(views, frames, strict=True)
     ]
 
 
-def _first_size(files: Sequence[Path]) -> tuple[int, int]:
-    """Returns the size of the first photograph that is there and can be read; else 1, 1."""
+def _sizes(frames: Sequence[Frame], files: Sequence[Path]) -> list[tuple[int, int]]:
+    """Returns the sizes of the pictures that lenses are for, where the file gives none."""
+    if all(frame.has_size for frame in frames):
+        return [(1, 1)] * len(frames)
+    of_all, sizes = _first_size(files), []
+    for frame, file in zip(frames, files, strict=True):
+        own = of_all if frame.has_size else _first_size([file], of_all)
+        sizes.append(own if frame.has_own_lens or not _are_alike(own, of_all) else of_all)
+    return sizes
+
+
+def _are_alike(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Returns whether two sizes have the same proportions, or exchanged ones, within a pixel."""
+    (short, long), (other_short, other_long) = sorted(size), sorted(other)
+    return abs(short * other_long - other_short * long) <= max(long, other_long)
+
+
+def _first_size(files: Sequence[Path], otherwise: tuple[int, int] = (1, 1)) -> tuple[int, int]:
+    """Returns the size of the first photograph that is there and can be read."""
     if present := [file for file in files if file.is_file()]:
         with suppress(InputError):  # the capture says what is damaged, and leaves it out
             return first_size(present)
-    return 1, 1
+    return otherwise
 
 
-def _pose(path: Path, frame: _Frame) -> Float[np.ndarray, "3 4"]:
+def _pose(path: Path, frame: Frame) -> Float[np.ndarray, "3 4"]:
     """Returns world_from_camera in this project's axes from 4x4 or 3x4 in OpenGL's."""
     is_pose = frame.matrix.ndim == 2 and frame.matrix.shape[1] == 4
     return rigid(frame.name, path, frame.matrix @ _FLIP if is_pose else frame.matrix)
-
-
-def _file(path: Path, name: str) -> Path:
-    """Returns the photograph of a `file_path`, which may lack its suffix, below the file's folder.
-
-    Raises:
-        InputError: It lies outside the folder of the file that names it.
-    """
-    candidates = [path.parent / f"{name}{suffix}" for suffix in _SUFFIXES]
-    file = next((each for each in candidates if each.is_file()), candidates[0])
-    require_inside(path, path.parent, file)
-    if file.is_relative_to(path.parent):
-        return file
-    return path.parent / file.resolve().relative_to(path.parent.resolve())  # an absolute path
 
 
 def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> Lens:
@@ -213,7 +163,7 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         bend = tuple(float(values.get(name, 0)) for name in _BENDS[model])
         bend += (0.0,) * len(_UNREAD) if model == "FULL_OPENCV" else ()
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
-        raise InputError(str(path), f"has no lens ({error!r})", _REMEDY) from error
+        raise InputError(str(path), f"has no lens ({error!r})", REMEDY) from error
     if (
         unread and model != "OPENCV_FISHEYE" and size is not None
     ):  # else only the angle of view counts
@@ -223,7 +173,7 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         raise InputError(str(path), problem, "Export it with k1, k2, k3, p1 and p2 alone")
     numbers = (fx, fy, cx, cy, *bend)
     if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
-        raise InputError(str(path), f"has an impossible lens: {numbers}", _REMEDY)
+        raise InputError(str(path), f"has an impossible lens: {numbers}", REMEDY)
     if any(bend) or model == "OPENCV_FISHEYE":
         return Lens(model, numbers, width, height)
     return Lens("PINHOLE", numbers[:4], width, height)

@@ -25,26 +25,27 @@ _VECTORS = ("p2", "p1"), ("sx1", "sy1"), ("p0", "p1"), ("s0", "s2"), ("s1", "s3"
 def upright_views(views: Sequence[GivenView], *, are_stored: bool = False) -> list[GivenView]:
     """Returns the views with the poses and lenses of the upright photographs.
 
-    A lens has the format of the picture that it was found for. So a photograph whose EXIF data
-    exchange width and height says whether that was the stored one. Where this is open, as of
-    photographs that stand on their heads, the others of the same source say it.
+    If EXIF data exchange the width and height of a photograph, the format of its lens says which
+    picture the lens is for. Where this is open, as of photographs that stand on their heads, the
+    others of the same source say it.
 
     Args:
         views: The views of one source, whose lenses have their sizes from there. Photographs may be
             missing.
         are_stored: Whether poses are those of stored pictures if no photograph says so.
     """
-    stored = [stored_size(view.file) for view in views]
-    lying = [_lies(view.lens, *one) for view, one in zip(views, stored, strict=True)]
-    if decided := [lies for lies in lying if lies is not None]:
+    sizes = [stored_size(view.file) for view in views]
+    found = [_is_of_stored(view.lens, *one) for view, one in zip(views, sizes, strict=True)]
+    if decided := [one for one in found if one is not None]:
         are_stored = any(decided)
+    are_of_stored = [are_stored if one is None else one for one in found]
     return [
-        _turned(view, orientation) if (are_stored if lies is None else lies) else view
-        for view, (_, orientation), lies in zip(views, stored, lying, strict=True)
+        _turned(view, orientation) if is_of_stored else view
+        for view, (_, orientation), is_of_stored in zip(views, sizes, are_of_stored, strict=True)
     ]
 
 
-def _lies(lens: Lens, size: tuple[int, int], orientation: int) -> bool | None:
+def _is_of_stored(lens: Lens, size: tuple[int, int], orientation: int) -> bool | None:
     """Returns whether a lens is that of the stored picture; None if its format leaves that open."""
     width, height = size
     alike = (width - height) * (lens.width - lens.height)

@@ -94,10 +94,12 @@ class TraitMeter:
         Raises:
             InputError: The frame is smaller than 8x8 pixels.
         """
-        height, width = self._size(frame)
-        seen = _resized(frame, height, width)
+        size = self._size(frame)
+        seen = _resized(frame, *size)
         long_px = self._config.long_side_px
-        return self._traits(seen, sharpness(reduced(frame, min(sharpness_px or long_px, long_px))))
+        sharp_size = _reduced_size(frame, min(sharpness_px or long_px, long_px))
+        judged = seen if sharp_size == size else _resized(frame, *sharp_size)
+        return self._traits(seen, sharpness(judged))
 
     def of_painting(self, painting: Picture, frame: Picture) -> PictureTraits:
         """Returns the traits of a painting at the size at which it compares with a frame.

@@ -11,9 +11,9 @@ from torch.nn import functional
 from styletrf.style.perceptual.perceptual_loss import shrunk
 from styletrf.style.perceptual.predictor_features import LEAST_PX
 
-MOST_SHORT_SIDE_PX = 2048
-"""No painting is looked at with more pixels than a square of this side has: its features would not
-fit into the memory."""
+LARGEST_SQUARE_PX = 2048
+"""No stroke scale enlarges a painting beyond as many pixels as a square of this side has: its
+features would not fit into the memory. No painting is kept with a longer shorter side."""
 
 
 def scaled_painting(
@@ -47,7 +47,7 @@ def greatest_scale(shape: Sequence[int], style_px: int) -> float:
         style_px: See `scaled_painting`.
     """
     short, long = sorted(shape[:2])
-    most_px = MOST_SHORT_SIDE_PX * math.sqrt(short / long)
+    most_px = LARGEST_SQUARE_PX * math.sqrt(short / long)
     return max(1.0, most_px / _usual_px(shape, style_px))
 
 
@@ -57,8 +57,8 @@ def scale_warnings(shape: Sequence[int], style_px: int, stroke_scale: float) -> 
     if stroke_scale <= greatest:
         return []
     return [
-        f"--stroke-scale {stroke_scale:g} has the effect of {greatest:.3g}, the greatest for this"
-        f" painting: it is looked at with at most {MOST_SHORT_SIDE_PX**2:,} pixels"
+        f"a stroke scale of {stroke_scale:g} (option times setting) has the effect of"
+        f" {greatest:.3g} here: it enlarges no painting beyond {LARGEST_SQUARE_PX**2:,} pixels"
     ]
 
 

@@ -36,7 +36,7 @@ class TemporalLossConfig:
 
     def __post_init__(self) -> None:
         require_at_least(1, self, "every")
-        require_within("[0, inf)", self, "weight")
+        require_within("[0, inf)", self, "weight", "shift_px", "noise")
         require_within("[0, 1]", self, "renders")
 
 

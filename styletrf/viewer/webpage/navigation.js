@@ -17,7 +17,7 @@ const makeNavigation = (scene) => {
   const lens = path[0], aspect = lens.width / lens.height;
   const zooms = path.map((frame) => (frame.fx / frame.width) / (lens.fx / lens.width));  // of the fly-through's lens
   const leastZoom = Math.min(...zooms), mostZoom = MOST_ZOOM * Math.max(...zooms);
-  let followed = 1;  // the part of the zoom that is the followed frame's
+  let followed = 1;  // the part of the zoom that Play leaves behind: that of the frame or the view shown last
   const state = { center: [0, 0, 0], yaw: 0, pitch: 0, roll: 0, zoom: 1 };
 
   const axes = ({ yaw, pitch, roll }) => {
@@ -36,7 +36,7 @@ const makeNavigation = (scene) => {
   };
   const show = (pose, zoom = 1) => {
     Object.assign(state, { center: column(pose, 3), zoom, roll: 0 });
-    followed = 1;
+    followed = zoom;
     look(column(pose, 2));
     const flat = axes(state), right = column(pose, 0);
     state.roll = Math.atan2(dot(right, flat.down), dot(right, flat.right));
@@ -117,7 +117,7 @@ const makeNavigation = (scene) => {
     const found = parsed(text);
     if (!found) return false;
     Object.assign(state, found);
-    followed = 1;
+    followed = found.zoom;  // which may be a frame's, or the user's as well
     bound();
     return true;
   };

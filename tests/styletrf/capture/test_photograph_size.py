@@ -1,11 +1,14 @@
+import numpy as np
 import pytest
 from expected_errors import rejects
-from made_photographs import encoded, texture, with_exif
+from made_photographs import encoded, png_with_exif, texture, with_exif
 
 from styletrf.capture.photograph_size import photograph_size
 from styletrf.capture.photographs import read_photograph
 
 JPEG = encoded(texture(40, 60))
+PNG = encoded(texture(40, 60), ".png")
+CLEAR_PNG = encoded(np.dstack([texture(40, 60), texture(40, 60)[..., 0]]), ".png")
 
 
 def with_xmp(jpeg, orientation):
@@ -21,7 +24,10 @@ def with_xmp(jpeg, orientation):
         ("turned.jpg", with_exif(JPEG, orientation=6)),
         ("upright.jpg", with_exif(JPEG, orientation=1)),
         ("xmp.jpg", with_xmp(JPEG, orientation=6)),
-        ("a.png", encoded(texture(40, 60), ".png")),
+        ("a.png", PNG),
+        ("turned.png", png_with_exif(PNG, orientation=6)),
+        ("behind.png", png_with_exif(PNG, orientation=6, is_behind=True)),
+        ("clear.png", png_with_exif(CLEAR_PNG, orientation=8, is_behind=True)),
         ("a.tif", encoded(texture(40, 60), ".tif")),
         ("a.webp", encoded(texture(40, 60), ".webp")),
     ],

@@ -11,7 +11,7 @@ import pytest
 from expected_errors import rejects
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_photographs import encoded, texture, with_exif
+from made_photographs import encoded, png_with_exif, texture, with_exif
 from PIL import Image
 
 from styletrf.capture.photographs import list_photographs, natural_order, read_photograph
@@ -143,6 +143,14 @@ def test_transparent_photographs_are_turned_upright_as_others_are(tmp_path, kind
         read(tmp_path, transparent(kind, one), f"a.{kind}") for one in (orientation, 1)
     )
     assert np.array_equal(upright, TURNED[orientation](stored))
+
+
+@pytest.mark.parametrize("orientation", TURNED)
+def test_a_transparent_png_is_turned_upright_by_exif_behind_its_pixels_too(tmp_path, orientation):
+    """Pillow knows that block once the pixels are decoded, and the photograph stayed lying."""
+    png = encoded(np.dstack([IMAGE, np.full(IMAGE.shape[:2], 200, np.uint8)]), ".png")
+    upright = read(tmp_path, png_with_exif(png, orientation, is_behind=True), "a.png")
+    assert np.array_equal(upright, TURNED[orientation](read(tmp_path, png, "a.png")))
 
 
 @pytest.mark.parametrize("data", [JPEG, PROGRESSIVE, RESTARTS])

@@ -224,7 +224,9 @@ def test_transparent_parts_of_a_mask_do_not_count_whatever_color_they_hide(tmp_p
 @pytest.mark.parametrize(
     ("mask", "values", "advice"),
     [
-        (np.full((16, 24, 4), [255, 255, 255, 0], np.uint8), ["transparent"], ""),
+        (np.full((16, 24, 4), [255, 255, 255, 0], np.uint8), ["transparent"], "white layer"),
+        (np.full((16, 24, 4), [0, 0, 0, 128], np.uint8), ["transparent"], "white layer"),
+        (np.full((16, 24, 4), [90, 90, 90, 255], np.uint8), ["black"], " 90"),
         (np.zeros((16, 24), np.uint8), ["black"], ""),
         (np.ones((16, 24), np.uint8), ["black"], " 1"),
         (np.full((8, 8), 255, np.uint8), ["8x8", "24x16"], ""),

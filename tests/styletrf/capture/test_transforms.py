@@ -80,6 +80,29 @@ def test_a_lens_of_a_whole_file_without_a_size_is_one_lens(tmp_path, lens):
     assert (lenses[0].width, lenses[0].height) == (60, 40)
 
 
+@pytest.mark.parametrize("lens", [{"camera_angle_x": 0.8}, {"fl_x": 50.0}])
+@pytest.mark.parametrize("shape", [(60, 60), (40, 120), (120, 40)])
+def test_a_photograph_of_another_format_has_the_lens_of_the_file_at_its_own_size(
+    tmp_path, lens, shape
+):
+    """It was stretched: a square photograph had the pixels of one that is not."""
+    path = scene(tmp_path) / "transforms.json"
+    (tmp_path / "2.png").write_bytes(encoded(texture(*shape), ".png"))
+    path.write_text(json.dumps({**lens, "frames": json.loads(path.read_text())["frames"]}))
+    first, other, third = [view.lens for view in read_transforms(tmp_path).views]
+    assert (other.height, other.width) == shape
+    assert other.params[0] == other.params[1]
+    assert first == third != other
+
+
+def test_photographs_of_one_format_have_one_lens_also_where_their_sizes_are_rounded(tmp_path):
+    path = scene(tmp_path) / "transforms.json"
+    (tmp_path / "2.png").write_bytes(encoded(texture(27, 40), ".png"))
+    frames = json.loads(path.read_text())["frames"]
+    path.write_text(json.dumps({"camera_angle_x": 0.8, "frames": frames}))
+    assert len({view.lens for view in read_transforms(tmp_path).views}) == 1
+
+
 def test_a_lens_of_one_frame_without_a_size_is_that_of_its_photograph(tmp_path):
     lenses = without_sizes(tmp_path, {}, {"camera_angle_x": 0.8})
     assert [(lens.width, lens.height) for lens in lenses] == [(60, 40), (40, 60), (60, 40)]

@@ -1,11 +1,12 @@
 """Poses of photographs that are stored on their side, or on their heads, and turned by EXIF."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pycolmap
 import pytest
-from made_photographs import encoded, room_poses, texture, with_exif
+from made_photographs import encoded, png_with_exif, room_poses, texture, tiff_of, with_exif
 
 from styletrf.capture.photographs import read_photograph
 from styletrf.capture.poses.given_poses import GivenView, Lens
@@ -27,10 +28,20 @@ def lens_of(model):
     return Lens(model, tuple(map(float, params)), WIDTH, HEIGHT)
 
 
+FORMATS = {
+    ".jpg": lambda pixels, orientation: with_exif(encoded(pixels), orientation),
+    ".png": lambda pixels, orientation: png_with_exif(encoded(pixels, ".png"), orientation),
+    ".PNG": lambda pixels, orientation: png_with_exif(
+        encoded(pixels, ".png"), orientation, is_behind=True
+    ),
+    ".tif": tiff_of,
+}
+
+
 def stored_photograph(path, orientation, pixels=None):
     pixels = texture(HEIGHT, WIDTH) if pixels is None else pixels
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes(with_exif(encoded(pixels), orientation))
+    path.write_bytes(FORMATS[path.suffix](pixels, orientation))
     return path
 
 
@@ -60,13 +71,17 @@ def test_points_move_with_the_pixels_whatever_the_lens(tmp_path, model, orientat
 
 
 @pytest.mark.parametrize("orientation", TURNED)
-def test_a_point_is_where_the_upright_photograph_shows_it(tmp_path, orientation):
-    view = GivenView(tmp_path / "a.jpg", lens_of("OPENCV"), POSES[0])
+@pytest.mark.parametrize(
+    ("suffix", "channels"), [(".jpg", 3), *product((".png", ".PNG", ".tif"), (3, 4))]
+)
+def test_a_point_is_where_the_upright_photograph_shows_it(tmp_path, orientation, suffix, channels):
+    view = GivenView(tmp_path / f"a{suffix}", lens_of("OPENCV"), POSES[0])
     point = AHEAD[:1] @ POSES[0][:, :3].T + POSES[0][:, 3]
     ((x, y),) = projected(view, point)
     dark = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     dark[int(y) - 1 : int(y) + 2, int(x) - 1 : int(x) + 2] = 255
-    stored_photograph(view.file, orientation, dark)
+    opaque = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    stored_photograph(view.file, orientation, np.dstack([dark, opaque][: channels - 2]))
     photograph = read_photograph(view.file)
     (upright,) = upright_views([view], are_stored=True)
     assert photograph.shape[:2] == (upright.lens.height, upright.lens.width)
@@ -130,6 +145,23 @@ def test_poses_of_stored_pictures_become_those_of_the_upright_photographs(
         upright = (WIDTH, HEIGHT) if orientation < 5 else (HEIGHT, WIDTH)
         assert (view.lens.width, view.lens.height) == upright
         assert view.lens.params == (FOCAL, FOCAL, upright[0] / 2, upright[1] / 2)
+
+
+def test_a_frame_without_a_size_leaves_the_poses_of_the_others_turned(tmp_path):
+    """One such frame, and no pose was that of the upright photograph."""
+    for index in range(3):
+        stored_photograph(tmp_path / f"images/{index}.jpg", 6)
+    write_transforms(tmp_path, [in_its_file(pose, 6) for pose in POSES])
+    transforms = json.loads((tmp_path / "transforms.json").read_text())
+    lens = {name: transforms.pop(name) for name in ("w", "h", "fl_x")}
+    for index, frame in enumerate(transforms["frames"]):
+        frame.update(lens if index else {"fl_x": FOCAL})
+    (tmp_path / "transforms.json").write_text(json.dumps(transforms))
+    first, *others = find_given_poses(tmp_path).views
+    assert (first.lens.width, first.lens.height) == (HEIGHT, WIDTH)
+    for view, pose in zip(others, POSES[1:], strict=True):
+        np.testing.assert_allclose(view.world_from_camera, pose, atol=1e-9)
+        assert (view.lens.width, view.lens.height) == (HEIGHT, WIDTH)
 
 
 UPRIGHT_LENS = Lens("PINHOLE", (FOCAL, FOCAL, HEIGHT / 2, WIDTH / 2), HEIGHT, WIDTH)

@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -103,6 +104,22 @@ def test_sharpness_beside_priors_as_large_is_that_of_the_frame_as_it_is_looked_a
     frame = picture(0, width * 3 // 4, width)
     rows, summary = measured(meter, frame, frame, picture(1), [frame], frames=1)
     assert rows[0].sharpness == meter.of_frame(frame).sharpness == summary["sharpness_priors"]
+
+
+@pytest.mark.parametrize(("sharpness_px", "reductions"), [(None, 1), (200, 1), (96, 1), (64, 2)])
+def test_a_large_frame_is_reduced_once_where_its_sharpness_is_measured_at_that_size(
+    meter: TraitMeter, monkeypatch, sharpness_px, reductions
+):
+    frame, shapes, resize = picture(0, 96, 128), [], cv2.resize
+
+    def noted(image, *size, **options):
+        shapes.append(image.shape)
+        return resize(image, *size, **options)
+
+    monkeypatch.setattr(cv2, "resize", noted)
+    traits = meter.of_frame(frame, sharpness_px)
+    assert shapes.count(frame.shape) == reductions
+    assert traits.sharpness == sharpness(reduced(frame, min(sharpness_px or 96, 96)))
 
 
 def test_a_scene_that_is_the_painting_has_no_ratios(meter: TraitMeter):

@@ -1,5 +1,6 @@
 """Decisions at the edges: thin evidence, odd scales, flat scenes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,25 @@ from styletrf.scene.scene_model import (
 def test_too_few_points_are_an_error_that_says_what_to_do():
     with rejects("sparse points", 5):
         decide_scene_model(forward_cameras(), np.zeros((5, 3)), SceneModelConfig())
+
+
+@pytest.mark.parametrize("long_side", [16, 20, 23])
+def test_a_working_size_with_too_short_a_side_is_refused_and_the_remedy_works(long_side):
+    """The field was fitted, and then the network ended in a traceback."""
+    cameras = forward_cameras()
+    with rejects(f"image_long_side {long_side}", "16") as caught:
+        small = SceneModelConfig(image_long_side=long_side)
+        decide_scene_model(cameras, points_before(cameras), small)
+    (least,) = re.findall(r'"image_long_side": (\d+)', caught.value.remedy)
+    config = SceneModelConfig(image_long_side=int(least))
+    model = decide_scene_model(cameras, points_before(cameras), config)
+    assert min(model.image_width, model.image_height) == 16
+
+
+def test_photographs_too_small_to_paint_are_refused_whatever_the_working_size():
+    cameras = [resized(camera, 30, 12) for camera in forward_cameras()]
+    with rejects("image_long_side 504", "30x12", remedy=["photographs"]):
+        decide_scene_model(cameras, points_before(cameras), SceneModelConfig())
 
 
 @pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])

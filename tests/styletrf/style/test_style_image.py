@@ -95,7 +95,7 @@ def test_a_painting_of_eight_to_one_is_used_whole(tmp_path: Path, caplog: pytest
 @pytest.fixture
 def most_px(monkeypatch: pytest.MonkeyPatch) -> int:
     """The longest that a shorter side may be, which here makes small files large."""
-    monkeypatch.setattr("styletrf.style.style_image.MOST_SHORT_SIDE_PX", 128)
+    monkeypatch.setattr("styletrf.style.style_image.LARGEST_SQUARE_PX", 128)
     return 128
 
 

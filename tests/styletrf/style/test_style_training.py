@@ -81,10 +81,10 @@ def test_a_stroke_scale_reaches_the_loss_however_few_pixels_the_painting_has(vgg
 def test_a_stroke_scale_without_further_effect_is_in_the_log(
     vgg: VGG16, content: Path, tmp_path: Path, caplog, monkeypatch
 ):
-    monkeypatch.setattr(painting_size, "MOST_SHORT_SIDE_PX", 96)  # 1.5 times the painting
+    monkeypatch.setattr(painting_size, "LARGEST_SQUARE_PX", 96)  # 1.5 times the painting
     config = with_style_parameters(replace(TINY, iterations=1), 4.0, 1.0)
     trained(config, vgg, content, tmp_path)
-    assert mentions(caplog.text, "--stroke-scale 4", "1.5")
+    assert mentions(caplog.text, "4", "1.5")
 
 
 def test_loss_falls_and_the_curve_says_so(vgg: VGG16, content: Path, tmp_path: Path):

@@ -2,7 +2,9 @@
 
 import pytest
 import torch
+from expected_errors import rejects
 
+from styletrf.configuration import configured
 from styletrf.style.training.temporal_loss import (
     ContentPair,
     TemporalLossConfig,
@@ -16,6 +18,12 @@ def smooth_images(batch: int = 2) -> torch.Tensor:
     y, x = torch.meshgrid(torch.linspace(0, 6, 40), torch.linspace(0, 6, 48), indexing="ij")
     waves = torch.stack([torch.sin(x + k) * torch.cos(y - k) for k in range(3 * batch)])
     return (0.5 + 0.4 * waves).reshape(batch, 3, 40, 48)
+
+
+@pytest.mark.parametrize("name", ["weight", "shift_px", "noise"])
+def test_a_negative_disturbance_or_weight_is_refused(name):
+    with rejects(repr(name), name, "-0.5"):
+        configured(TemporalLossConfig, {name: -0.5})
 
 
 def test_a_shift_by_whole_pixels_is_exact():

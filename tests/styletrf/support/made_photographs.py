@@ -1,11 +1,16 @@
 """Photographs made for tests: encoded files with EXIF, and views of a textured corner of a room."""
 
+import io
 import struct
+import zlib
 from functools import cache
 
 import cv2
 import numpy as np
 import pycolmap
+from PIL import Image
+
+_PNG_BEGIN_BYTES, _PNG_END_BYTES = 33, 12  # signature and IHDR; IEND
 
 
 @cache
@@ -30,14 +35,33 @@ def encoded(image, suffix=".jpg", *flags):
 
 def with_exif(jpeg, orientation=1, focal_35mm=0):
     """Returns the JPEG with an EXIF block: which way up it is, and the lens (0: unknown)."""
+    body = b"Exif\0\0" + _exif(orientation, focal_35mm)
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
+
+
+def png_with_exif(png, orientation, *, is_behind=False):
+    """Returns the PNG with an EXIF block before its pixels, or behind them."""
+    block = b"eXIf" + _exif(orientation)
+    chunk = struct.pack(">I", len(block) - 4) + block + struct.pack(">I", zlib.crc32(block))
+    place = -_PNG_END_BYTES if is_behind else _PNG_BEGIN_BYTES
+    return png[:place] + chunk + png[place:]
+
+
+def tiff_of(image, orientation):
+    """Returns an RGB image as the bytes of a TIFF that says which way up it is."""
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "TIFF", tiffinfo={0x0112: orientation})
+    return file.getvalue()
+
+
+def _exif(orientation, focal_35mm=0):
     entries = [struct.pack("<HHIHxx", 0x0112, 3, 1, orientation)]
     tail = b""
     if focal_35mm:
         entries.append(struct.pack("<HHII", 0x8769, 4, 1, 8 + 2 + 2 * 12 + 4))
         tail = struct.pack("<H", 1) + struct.pack("<HHIHxx", 0xA405, 3, 1, focal_35mm) + bytes(4)
     ifd = struct.pack("<H", len(entries)) + b"".join(entries) + bytes(4)
-    body = b"Exif\0\0" + b"II*\0" + struct.pack("<I", 8) + ifd + tail
-    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
+    return b"II*\0" + struct.pack("<I", 8) + ifd + tail
 
 
 LENS = pycolmap.Camera(

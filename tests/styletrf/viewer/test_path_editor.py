@@ -171,15 +171,21 @@ def test_a_key_frame_added_while_a_picture_is_drawn_does_not_replace_it(content,
 FOLLOWED = """
   const { navigation, scene } = await viewer, focal = (seen) => navigation.view(1, 1, seen).fx;
   navigation.zoomBy(ZOOM);
-  return { focals: scene.path.map((_, k) => {
+  const focals = scene.path.map((_, k) => {
     navigation.follow(k);
     return [focal(), focal(navigation.seenFrom(navigation.toText()))];
-  }) };
+  });
+  const again = scene.path.map((_, k) => {
+    navigation.fromText(navigation.toText());
+    navigation.follow(k);
+    return focal();
+  });
+  return { focals, again };
 """
 
 
 def test_play_shows_each_frame_through_its_own_lens_zoomed_as_the_user_did(content, tmp_path):
-    """All frames had the lens of the first."""
+    """All frames had the lens of the first, and after a reload the zoom of the view twice."""
     baked, zoom = content("ndc"), 1.5
     lenses = zip(baked.path, (1.0, 2.0, 0.5, 6.0, 0.25), strict=True)
     path = [replace(camera, fx=k * camera.fx, fy=k * camera.fy) for camera, k in lenses]
@@ -189,3 +195,4 @@ def test_play_shows_each_frame_through_its_own_lens_zoomed_as_the_user_did(conte
     for camera, (shown, of_address) in zip(path, answer["focals"], strict=True):
         assert shown == pytest.approx(zoom * camera.fx / camera.width)
         assert of_address == pytest.approx(shown, rel=1e-5)
+    assert answer["again"] == pytest.approx([camera.fx / camera.width for camera in path])
