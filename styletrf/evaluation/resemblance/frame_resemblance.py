@@ -6,7 +6,7 @@ distance of the unstylized frames; their ratio is 1 for "not stylized" and 0 for
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -88,6 +88,7 @@ def measure_resemblance(
     meter: TraitMeter,
     config: ResemblanceConfig,
     progress: Progress = silent,
+    objects: Callable[[str], tuple[Picture, Picture]] | None = None,
 ) -> tuple[list[FrameResemblance], dict[str, float | None]]:
     """Returns the measures of some views, and their summary.
 
@@ -99,6 +100,9 @@ def measure_resemblance(
         meter: Measures their traits.
         config: Which frames are measured, and at which sizes.
         progress: Called after every frame.
+        objects: Gives the same frames with the objects that are cut out on their mean colors: these
+            are compared with the painting. Their content and sharpness are those of `frames`. None
+            if frames have no background.
 
     Raises:
         InputError: A frame is smaller than 8x8 pixels.
@@ -114,12 +118,20 @@ def measure_resemblance(
         style = style or meter.of_painting(painting, plain)
         side_px = common_side_px(plain, priors, config.traits)
         before, after = (meter.of_frame(frame, side_px) for frame in (plain, stylized))
+        if objects is not None:
+            pairs = zip((before, after), objects(view), strict=True)
+            before, after = (_in_style_of(seen, meter.of_frame(alone)) for seen, alone in pairs)
         row = frame_resemblance(view, before, after, style)
         figures = [(name, np.array(value)) for name, value in _numbers(row).items()]
         require_finite("resemblance", f"in frame {view}", figures)
         rows.append(row)
         progress(len(rows), len(chosen), patches=row.style_swd_patches)
     return rows, summary(rows, [reduced(prior, side_px) for prior in priors])
+
+
+def _in_style_of(seen: PictureTraits, alone: PictureTraits) -> PictureTraits:
+    """Returns the content and sharpness of a frame as it is seen, and the style of its object."""
+    return replace(alone, content=seen.content, sharpness=seen.sharpness)
 
 
 def common_side_px(frame: Picture, priors: Sequence[Picture], config: TraitsConfig) -> int:

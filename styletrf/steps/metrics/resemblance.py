@@ -14,7 +14,7 @@ from styletrf.evaluation.resemblance.frame_resemblance import (
 from styletrf.evaluation.resemblance.picture_traits import TraitMeter
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import write_rows, write_summary
-from styletrf.steps.metrics.frame_reader import frames_of
+from styletrf.steps.metrics.frame_reader import frames_of, objects_of
 from styletrf.steps.step_run import StepRun
 from styletrf.style.perceptual.vgg import load_vgg
 
@@ -40,6 +40,7 @@ def measure_frame_resemblance(
         TraitMeter(vgg, load_efficientnet(device), config.traits),
         config,
         run.progress,
+        objects=objects_of(inputs, on_one_color=False),
     )
     write_rows(out / "frames.parquet", rows)
     write_summary(out / "summary.json", summary)

@@ -9,7 +9,7 @@ from styletrf.devices import device_named
 from styletrf.evaluation.stylization_loss import StylizationLossConfig, measure_stylization
 from styletrf.files.images import read_rgb
 from styletrf.files.tables import write_rows, write_summary
-from styletrf.steps.metrics.frame_reader import frames_of
+from styletrf.steps.metrics.frame_reader import frames_of, objects_of
 from styletrf.steps.step_run import StepRun
 from styletrf.style.perceptual.vgg import load_vgg
 
@@ -19,14 +19,18 @@ def measure_style_and_content(
 ) -> None:
     """Writes the style and content loss: `frames.parquet` and `summary.json`.
 
+    Objects that are cut out are compared on their mean color, as they are stylized.
+
     Args:
         inputs: `unstylized`, `stylized`, `style` and `perceptual`.
         out: The folder to fill.
         settings: Those of `StylizationLossConfig`.
         run: Its progress is the number of frames.
     """
+    names, frames = frames_of(inputs)
     rows, means = measure_stylization(
-        *frames_of(inputs),
+        names,
+        objects_of(inputs, on_one_color=True) or frames,
         read_rgb(inputs["style"] / "style.png"),
         load_vgg(inputs["perceptual"] / "vgg16.safetensors", device_named(run.device_name)),
         configured(StylizationLossConfig, settings),

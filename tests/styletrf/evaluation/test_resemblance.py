@@ -49,11 +49,12 @@ def smooth(width: int) -> np.ndarray:
     return (0.5 + 0.4 * np.dstack(waves)).astype(np.float32)
 
 
-def measured(meter: TraitMeter, plain, stylized, painting, priors=(), frames=2):
+def measured(meter: TraitMeter, plain, stylized, painting, priors=(), frames=2, objects=None):
     config = ResemblanceConfig(frames=frames, traits=CONFIG)
     return measure_resemblance(
-        ["a", "b", "c"], lambda _: (plain, stylized), painting, priors, meter, config
-    )
+        ["a", "b", "c"], lambda _: (plain, stylized), painting, priors, meter, config,
+        objects=objects,
+    )  # fmt: skip
 
 
 def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(meter: TraitMeter):
@@ -154,3 +155,13 @@ def test_a_frame_of_few_pixels_is_refused(meter: TraitMeter):
 def test_doing_nothing_and_hanging_up_the_painting_are_both_two():
     assert content_style_product(0.0, 1.0) == content_style_product(1.0, 0.0) == 2
     assert content_style_product(0.0, 0.0) == 1
+
+
+def test_an_object_is_compared_with_the_painting_and_its_frame_with_the_scene(meter: TraitMeter):
+    plain, painting = picture(0), picture(5)
+    white = np.ones_like(plain)
+    _, seen = measured(meter, plain, white, painting)
+    _, alone = measured(meter, plain, white, painting, objects=lambda _: (plain, painting))
+    assert all(alone[f"{name}_ratio"] == pytest.approx(0, abs=1e-3) for name in STYLE_DISTANCES)
+    for name in ("content", "sharpness_to_unstylized"):
+        assert alone[name] == seen[name]
