@@ -1,5 +1,6 @@
 """The Luigi task whose artifact is in the store: its identity, and the methods of Luigi."""
 
+import contextlib
 import hashlib
 from abc import abstractmethod
 from collections.abc import Generator, Mapping
@@ -10,14 +11,8 @@ import luigi
 
 from pipeline.artifacts import Artifacts
 from pipeline.canonical import Json, canonical
-from pipeline.errors import (
-    LostInputError,
-    NotBuiltError,
-    TaskFailure,
-    append_trace,
-    describe_error,
-)
-from pipeline.job import RunContext, write_outcome
+from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, describe_error
+from pipeline.job import RunContext, append_trace, write_outcome
 from pipeline.record import Action, ActionRecord, public_version
 from pipeline.settings import current_store, setting
 from pipeline.store import Store
@@ -160,8 +155,10 @@ class ArtifactTask(luigi.Task):
             raise TaskFailure("changed", str(self), reason)
 
     def _failure(self, error: Exception, store: Store) -> TaskFailure:
-        """Returns the failure for an error outside the build, and logs its trace."""
-        append_trace(log := store.new_log(self.task_family, self._log_name()))
+        """Returns the failure for an error outside the build, and logs its trace if it can."""
+        log = store.root / "logs"
+        with contextlib.suppress(OSError):
+            append_trace(log := store.new_log(self.task_family, self._log_name()))
         kind, message = describe_error(error, log, self.user_errors, self.transient_errors)
         write_outcome(log, kind, message)
         return TaskFailure(kind, str(self), message)

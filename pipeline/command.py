@@ -24,6 +24,7 @@ from luigi.task_register import Register, TaskClassException
 
 from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.luigid import is_forgotten_by_luigid, reenable_failed_tasks
+from pipeline.console.display import open_closed_stderr
 from pipeline.console.log_handler import in_one_line
 from pipeline.console.progress_client import close_progress, progress_client
 from pipeline.errors import StoreError
@@ -76,6 +77,7 @@ def run_command(
     Raises:
         SystemExit: The command is invalid, or prints its help.
     """
+    open_closed_stderr()
     _complete_settings()
     try:
         with CmdlineParser.global_instance(list(arguments)) as parser:  # or prints help

@@ -4,7 +4,6 @@ import contextlib
 import errno
 import os
 import shutil
-import traceback
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -91,9 +90,3 @@ def _is_almost_full(folder: Path) -> bool:
     with contextlib.suppress(OSError):
         return shutil.disk_usage(folder).free < _ALMOST_FULL_BYTES
     return False
-
-
-def append_trace(log: Path) -> None:
-    """Adds the exception being handled to a log, if the disk has room for it."""
-    with contextlib.suppress(OSError), log.open("a") as file:
-        traceback.print_exc(file=file)

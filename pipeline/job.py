@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -110,6 +111,12 @@ class Report:
     other_cpu_seconds: float = 0.0
     gpu: str = ""
     cores: int = 0
+
+
+def append_trace(log: Path) -> None:
+    """Adds the exception being handled to a log, if the disk has room for it."""
+    with contextlib.suppress(OSError), log.open("a") as file:
+        traceback.print_exc(file=file)
 
 
 def write_outcome(log: Path, kind: Outcome, reason: str) -> None:

@@ -48,11 +48,13 @@ def try_lock(descriptor: int) -> bool | None:
 
 
 def is_held(path: Path) -> bool | None:
-    """Whether a living process holds the flock of `path`; None on a file system without flock."""
+    """Whether a living process holds the flock of `path`; None where this cannot be known."""
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except FileNotFoundError:
         return False
+    except PermissionError:
+        return None
     try:
         taken = _flock(descriptor, fcntl.LOCK_SH)
         return None if taken is None else not taken

@@ -132,4 +132,6 @@ def sync(path: Path) -> None:
 def protect(root: Path) -> None:
     """Makes everything read-only, against accidents; this does not prove integrity."""
     for path in [root, *(path for path, _ in walk(root))]:
-        path.chmod(0o555 if path.is_dir() else 0o444)
+        mode = 0o555 if path.is_dir() else 0o444
+        if path.stat().st_mode & 0o7777 != mode:  # only its owner may change it
+            path.chmod(mode)

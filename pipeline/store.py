@@ -4,7 +4,7 @@ import contextlib
 import functools
 import os
 import shutil
-import tempfile
+import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -152,13 +152,13 @@ class Store:
         return self.set_aside(path, "quarantine")
 
     def set_aside(self, path: Path, folder: str) -> Path:
-        """Moves `path` atomically into a new directory in `folder`; returns its place there."""
-        aside = Path(tempfile.mkdtemp(dir=self.root / folder))
+        """Moves `path` atomically into `folder`, without a new directory; returns its place."""
+        aside = self.root / folder / f"{path.name[:50]}.{uuid.uuid4().hex}"
         with contextlib.suppress(FileNotFoundError):  # another process was faster
-            if path.is_dir() and not path.is_symlink():
+            if path.is_dir() and not (path.is_symlink() or os.access(path, os.W_OK)):
                 path.chmod(0o755)  # moving a directory writes to its ".."
-            path.rename(aside / path.name)
-        return aside / path.name
+            path.rename(aside)
+        return aside
 
     @contextlib.contextmanager
     def lock(self, key: str, on_wait: Callable[[], None]) -> Iterator[None]:
@@ -178,7 +178,8 @@ class Store:
             if is_held(path) is False:
                 shutil.rmtree(path, ignore_errors=True)
         with self.run.lease(key):
-            fresh = Path(tempfile.mkdtemp(dir=self.root / "tmp"))
+            fresh = self.root / "tmp" / uuid.uuid4().hex
+            fresh.mkdir()  # others of a group may open it, and so see whether it is locked
             descriptor = os.open(fresh, os.O_RDONLY)
             try_lock(descriptor)
             path = fresh.rename(fresh.with_name(f"{key}-{fresh.name}"))  # visible only when locked
@@ -202,9 +203,7 @@ def _make(root: Path) -> None:
     root.mkdir(parents=True, exist_ok=True)
     others = [p for p in root.iterdir() if p.name != "lost+found" and not p.name.startswith(".")]
     if others and not (root / "format").exists():
-        raise StoreError(
-            f"{root} is not a store and has other files: name an empty folder or a new one"
-        )
+        raise StoreError(f"{root} is not a store and has files: name an empty folder or a new one")
     with contextlib.suppress(FileExistsError), (root / "format").open("x") as file:
         file.write(FORMAT)
     for folder in _FOLDERS:

@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 from pipeline.cluster.remote_job import JobResult, RemoteJob, runner_command
 from pipeline.errors import StoreError
-from pipeline.settings import setting
+from pipeline.settings import invalid_setting, setting
 
 _SECONDS_BETWEEN_POLLS = 2.0
 _MAX_SECONDS_BETWEEN_POLLS = 20.0
@@ -92,12 +92,20 @@ def _sbatch_options(job: RemoteJob) -> list[str]:
         options.append(f"--mem={-(-job.memory_bytes // 2**20)}M")
     if job.gpus and "gpu" in _run(["sinfo", "-h", "-o", "%G"], job).stdout:
         options.append(f"--gres=gpu:{job.gpus}")
-    options += setting("slurm", "options").split()
+    options += _options_of_user()
     if job.excluded_nodes:
         excluding = [*options, f"--exclude={','.join(job.excluded_nodes)}"]
         if _run(["sbatch", "--test-only", *excluding, "--wrap=true"], job).returncode == 0:
             return excluding
     return options
+
+
+def _options_of_user() -> list[str]:
+    """Returns `[slurm] options`, quoted as in a shell; a StoreError says that they are not."""
+    try:
+        return shlex.split(setting("slurm", "options"))
+    except ValueError:  # a quote is not closed
+        raise invalid_setting("slurm", "options", "a line of options as in a shell") from None
 
 
 def _pending_state(job_id: str, job: RemoteJob) -> str:

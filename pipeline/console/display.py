@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import luigi
 
@@ -14,6 +15,12 @@ from pipeline.console.progress_client import ProgressLine, progress_client
 from pipeline.job import Display
 
 _SECONDS_BETWEEN_REPORTS = 5.0
+
+
+def open_closed_stderr() -> None:
+    """Opens standard error, on nothing, if the caller of this process has closed it (`2>&-`)."""
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115  open as long as this process
 
 
 @contextlib.contextmanager

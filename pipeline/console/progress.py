@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 tqdm.monitor_interval = 0  # tqdm starts no thread of its own
 SECONDS_BETWEEN_LINES = 15.0
+_UNWRITABLE = OSError, ValueError  # its reader has ended, its disk is full, or it is closed
 
 
 class ProgressBar:
@@ -39,8 +40,8 @@ class ProgressBar:
             self._write_line(self._bar)
 
     def say(self, line: str) -> None:
-        """Writes a line above the bar. A closed terminal does not stop the build."""
-        with contextlib.suppress(OSError):
+        """Writes a line above the bar. A stream that cannot be written does not stop the build."""
+        with contextlib.suppress(*_UNWRITABLE):
             tqdm.write(line, file=self._stream)
             self._stream.flush()
 
@@ -66,5 +67,6 @@ class ProgressBar:
         if now_s - self._written_s >= SECONDS_BETWEEN_LINES:
             self._written_s = now_s
             text = tqdm.format_meter(**{**bar.format_dict, "ncols": 0})
-            self._stream.write(f"{text.strip()}\n")
-            self._stream.flush()
+            with contextlib.suppress(*_UNWRITABLE):
+                self._stream.write(f"{text.strip()}\n")
+                self._stream.flush()

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.artifact_task import ArtifactTask
-from pipeline.errors import FailureKind, append_trace, describe_error
-from pipeline.job import Display, Job, RunContext
+from pipeline.errors import FailureKind, describe_error
+from pipeline.job import Display, Job, RunContext, append_trace
 from pipeline.settings import current_store
 
 

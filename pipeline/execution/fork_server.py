@@ -89,10 +89,14 @@ class ForkServer:
         return ForkedProcess(statuses)
 
     def close(self) -> None:
-        """Ends the server, if it was started."""
+        """Ends the server, if it was started.
+
+        It has nothing to save, and ends by itself when requests end: libraries that it has loaded
+        may catch other signals, and wait for ever in their handlers for locks of that end.
+        """
         if self._process:
             self.requests.close()
-            self._process.terminate()
+            self._process.kill()
             self._process.wait()
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from pipeline.console.display import open_closed_stderr
 from pipeline.errors import StoreError
 from pipeline.maintenance import code_commands, commands, store_commands
 from pipeline.maintenance.commands import CommandResult, Rows
@@ -30,7 +31,11 @@ class _FormerGrid(argparse.Action):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs one command; returns its exit status: 0, 1 if it found a problem, 2 if it is invalid."""
+    """Runs one command; returns its exit status.
+
+    It is 0, 1 if the command found a problem, 2 if it is invalid, and 130 after Ctrl-C.
+    """
+    open_closed_stderr()
     options = parser().parse_args(arguments)
     try:
         store = _store(options.command)
@@ -43,6 +48,9 @@ def main(arguments: list[str] | None = None) -> int:
     except (StoreError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
+    except KeyboardInterrupt:
+        sys.stderr.write("\nInterrupted.\n")
+        return 130
     return int(status)
 
 

@@ -108,8 +108,17 @@ def row_of(record: ActionRecord) -> dict[str, Json]:
 
 def _scene(record: ActionRecord) -> str:
     """Returns the scene of a task; "(none)" for an artifact of several scenes, such as a style."""
-    scene = re.search(r"\bscene=([^,)]*)", str(record.provenance["task"]))
-    return scene[1] if scene else "(none)"
+    return parameter_in_text(record, "scene") or "(none)"
+
+
+def parameter_in_text(record: ActionRecord, name: str) -> str:
+    """Returns a parameter of the task in a record, as printed; "" if the task has none.
+
+    The text of the task has parameters that its key lacks: `StyleImage(style=NAME, quality=draft)`.
+    """
+    text = str(record.provenance["task"])
+    found = re.search(rf"(?:\(|, ){name}=(.*?)(?:, \w+=|\)$)", text)
+    return found[1] if found else ""
 
 
 def _failures(store: Store, family: str, everything: Iterable[ActionRecord]) -> Rows:

@@ -11,8 +11,8 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -61,24 +61,25 @@ def collect(
         delete: Whether to delete. Otherwise the store may be read-only.
 
     Returns:
-        Everything that is deleted, and each object that stays.
+        Everything that is deleted, each object that stays, and what other users own.
 
     Raises:
         StoreError: A record cannot be read, so nobody can tell what it needs.
         OSError: The disk fails. The remaining files are intact.
     """
     on_wait = partial(_log.warning, "The store is in use. The collection waits for it.")
-    with locked(store.root / "gc.lock", on_wait):
-        decisions = list(_decisions(store, keep_last, grace_hours))
-        store.reached("marked")
-        for path in [decision.path for decision in decisions if decision.delete and delete]:
-            store.set_aside(path, "trash")
-            store.reached("trashed")
-        trash = list((store.root / "trash").iterdir()) if delete else []
+    try:
+        with locked(store.root / "gc.lock", on_wait):
+            decisions = list(_decisions(store, keep_last, grace_hours))
+            store.reached("marked")
+            decisions = _set_aside(store, decisions) if delete else decisions
+    except OSError:
+        if delete:
+            _empty_trash(store)
+        raise
     store.reached("released")
-    for path in trash:
-        _delete(path)
-        store.reached("deleted")
+    if delete:
+        _empty_trash(store)
     return decisions
 
 
@@ -158,8 +159,37 @@ def size_bytes(path: Path) -> int:
     return size
 
 
+def _set_aside(store: Store, decisions: Sequence[GcDecision]) -> list[GcDecision]:
+    """Moves the garbage to `trash/`; returns the decisions: what other users own stays."""
+    made, foreign = list(decisions), 0
+    for index, decision in enumerate(decisions):
+        if not decision.delete:
+            continue
+        try:
+            store.set_aside(decision.path, "trash")
+        except PermissionError:  # in a store of a group
+            made[index] = replace(decision, why="another user owns it", delete=False)
+            foreign += 1
+        store.reached("trashed")
+    if foreign:
+        text = "Paths that other users own stay: %d. Their owners, or root, can collect them."
+        _log.warning(text, foreign)
+    return made
+
+
+def _empty_trash(store: Store) -> None:
+    """Deletes what this collection, or one that was killed, has moved to `trash/`."""
+    for path in list((store.root / "trash").iterdir()):
+        _delete(path)
+        store.reached("deleted")
+
+
 def _delete(path: Path) -> None:
-    """Deletes a directory, even if parts are read-only. The next collection retries."""
+    """Deletes a file, or a directory even if parts are read-only. The next collection retries."""
+    if path.is_symlink() or not path.is_dir():
+        with contextlib.suppress(OSError):
+            path.unlink()
+        return
     for folder, _, _ in os.walk(path):
         with contextlib.suppress(OSError):
             Path(folder).chmod(0o755)

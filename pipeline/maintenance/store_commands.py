@@ -54,7 +54,7 @@ def pull(store: Store, options: Namespace) -> CommandResult:
         known = {n: r for r in found for n in (r.output.digest, r.action.key)}
         chosen = ancestors([r.action.key for r in chosen], known)
     return _transfer(
-        chosen, lambda r: sync.pull(store, sync.import_record(store, r, remote), remote)
+        chosen, lambda r: sync.pull(store, sync.import_record(store, r, remote, store.find), remote)
     )
 
 

@@ -4,7 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.errors import StoreError
 from pipeline.record import ActionRecord
+from pipeline.shared_store.settings import current_remote
 from pipeline.shared_store.sync import SharedArtifacts
 from pipeline.store import Store
 
@@ -49,7 +51,12 @@ def unreferenced_objects(store: Store) -> Iterator[Path]:
 
 
 def repair(store: Store, problem: Problem) -> str:
-    """Restores the damaged part, or sets it aside for the next run; returns what was done."""
+    """Restores the damaged part, or sets it aside for the next run; returns what was done.
+
+    Raises:
+        StoreError: The shared store does not answer, so nobody knows what it has. A valid record
+            stays: its digest may be all that is left of the artifact.
+    """
     artifacts, record = SharedArtifacts(store), problem.record
     if record is None:
         store.quarantine(problem.path)
@@ -60,5 +67,12 @@ def repair(store: Store, problem: Problem) -> str:
     if is_repaired:
         return "protected" if problem.kind == "writable" else "restored from the shared store"
     if record:
+        if (remote := current_remote()).is_open("reading"):
+            label = record.provenance["label"]
+            reason = f"{remote.url} does not answer, so the record of {label} was not set aside"
+            remedy = (
+                "Run the same command when it answers, or without it by an empty STYLETRF_REMOTE"
+            )
+            raise StoreError(f"{reason}. {remedy}.")
         store.quarantine(store.action(record.action.key))
     return "set aside; the next run makes it again"

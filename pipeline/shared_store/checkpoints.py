@@ -4,6 +4,9 @@
 
 A machine uses a checkpoint only if its content has the digest in its name. With a signing key
 (`signatures.py`), the name must be signed, too. The machine that builds the key removes them.
+
+Clocks of machines may differ. So what continues from an archive is never older than it: a local
+folder keeps the time of the archive that it was downloaded from, or uploaded to, last.
 """
 
 import contextlib
@@ -12,7 +15,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +27,7 @@ from pipeline.shared_store.settings import current_remote
 from pipeline.shared_store.signatures import is_signed, signature
 
 _TIME = "%Y%m%dT%H%M%S.%f"  # in UTC
+_SHARED = ".shared"  # beside the checkpoints: the time in the name of their archive
 _log = logging.getLogger("pipeline")
 
 
@@ -88,10 +92,22 @@ def _checkpoints(resume: Path) -> list[tuple[str, int, int]]:
     return sorted((name, status.st_mtime_ns, status.st_size) for name, status in files)
 
 
-def _written(checkpoints: list[tuple[str, int, int]]) -> str:
-    """Returns the time of the newest checkpoint, in the format of names in the shared store."""
-    newest_ns = max((time_ns for _, time_ns, _ in checkpoints), default=0)
-    return f"{datetime.fromtimestamp(newest_ns / 1e9, UTC):{_TIME}}"
+def _written(resume: Path) -> datetime:
+    """Returns when this machine wrote the newest checkpoint of a folder, by its own clock."""
+    newest_ns = max((time_ns for _, time_ns, _ in _checkpoints(resume)), default=0)
+    return datetime.fromtimestamp(newest_ns / 1e9, UTC)
+
+
+def _shared(resume: Path) -> datetime:
+    """Returns the time of the archive that a folder of checkpoints was continued from."""
+    with contextlib.suppress(OSError, ValueError):
+        if _checkpoints(resume):
+            return _parsed_time((resume / _SHARED).read_text())
+    return datetime.fromtimestamp(0, UTC)
+
+
+def _parsed_time(text: str) -> datetime:
+    return datetime.strptime(f"{text}+0000", f"{_TIME}%z")
 
 
 class CheckpointUploader:
@@ -110,23 +126,26 @@ class CheckpointUploader:
         """Uploads the folder if it has changed, and removes older checkpoints."""
         with contextlib.suppress(OSError, ValueError):  # the disk is full, or a file was deleted
             found = _checkpoints(self._resume)
-            if found and found != self._uploaded:
-                self._remote.call_or_none("writing", self._upload)
+            is_new = found and found != self._uploaded
+            if is_new and self._remote.call_or_none("writing", self._upload):
                 self._uploaded = found
 
-    def _upload(self, remote: Remote) -> None:
+    def _upload(self, remote: Remote) -> bool:
+        """Returns True, unlike a call that fails."""
         with _temporary(self._resume, "still") as (archive, still):
-            unfinished = shutil.ignore_patterns(".*.partial*")
-            shutil.copytree(self._resume, still, copy_function=_hardlink_or_copy, ignore=unfinished)
+            others = shutil.ignore_patterns(".*.partial*", _SHARED)  # unfinished, or of this folder
+            shutil.copytree(self._resume, still, copy_function=_hardlink_or_copy, ignore=others)
             tree = tree_digest(still)
             pack(still, archive)
-            written = _written(_checkpoints(still))
-            description = f"{written}-{tree.digest}-{tree.size}-{tree.files}"
+            written = max(_written(still), _shared(self._resume) + timedelta(microseconds=1))
+            description = f"{written:{_TIME}}-{tree.digest}-{tree.size}-{tree.files}"
             mark = _signature(remote, self._key, description)
             name = "-".join(filter(None, [description, mark])) + ".tar"
             remote.create(f"{_at(self._key)}/{name}", archive)
             older = [other for other in remote.names(_at(self._key)) if other < name]
             _remove(remote, self._key, older)
+            (self._resume / _SHARED).write_text(f"{written:{_TIME}}")
+        return True
 
 
 @contextlib.contextmanager
@@ -155,7 +174,7 @@ def _hardlink_or_copy(source: str, target: str) -> None:
 
 def _download_newest(key: str, resume: Path, remote: Remote) -> None:
     """Fills the folder from the newest intact archive that is newer than the folder."""
-    here = _written(_checkpoints(resume))
+    here = f"{max(_written(resume), _shared(resume)):{_TIME}}"
     for name in sorted(remote.names(_at(key)), reverse=True):
         if name.partition("-")[0] <= here:
             return
@@ -178,17 +197,18 @@ def _download_newest(key: str, resume: Path, remote: Remote) -> None:
 
 
 def _unpack_checkpoint(remote: Remote, file: str, archive: Path, unpacked: Path) -> None:
-    """Downloads the files of a checkpoint, and gives them the time at which it was written.
+    """Downloads the files of a checkpoint, and gives them the time in its name.
 
     Raises:
         ValueError: It has another name than a checkpoint, or another content than its name says.
     """
     written, digest, size, files = file.rpartition("/")[2].removesuffix(".tar").split("-")[:4]
-    written_s = datetime.strptime(f"{written}+0000", f"{_TIME}%z").timestamp()
+    written_s = _parsed_time(written).timestamp()
     remote.download(file, archive)
     unpack(archive, unpacked, Tree(digest, int(size), int(files)))
     if tree_digest(unpacked).digest != digest:
         raise ValueError("it does not have the digest in its name")
+    (unpacked / _SHARED).write_text(written)
     for path in unpacked.iterdir():
         os.utime(path, (written_s, written_s))
 

@@ -1,6 +1,7 @@
 """The files of a shared store, in a directory or a bucket. They are never replaced."""
 
 import contextlib
+import errno
 import functools
 import json
 import logging
@@ -29,6 +30,7 @@ _S3: dict[str, Any] = {
     "max_concurrency": 1,  # so that a download continues after a broken connection
     "config_kwargs": {"connect_timeout": 3, "read_timeout": 5, "retries": _RETRIES},
 }
+_LASTING = (errno.EROFS, errno.ENOTDIR, errno.ENAMETOOLONG)
 _REMEDY = (
     "It has to be a folder that exists, or s3://BUCKET/PREFIX with a bucket that exists,"
     " credentials and AWS_ENDPOINT_URL as for any S3 client, and `pip install 'styletrf[s3]'`"
@@ -207,9 +209,10 @@ class Remote:
 
 
 def _is_transient(cause: BaseException | None) -> bool:
-    """Whether a connection or a server failed, rather than a missing file or permission."""
+    """Whether a connection or a server failed, rather than something that only a person mends."""
     names = {each.__name__ for each in type(cause).__mro__}
-    is_lasting = isinstance(cause, FileNotFoundError | PermissionError)
+    is_lasting = isinstance(cause, FileNotFoundError | PermissionError) or is_full(cause)
+    is_lasting |= getattr(cause, "errno", None) in _LASTING
     return bool({"OSError", "HTTPClientError"} & names) and not is_lasting
 
 

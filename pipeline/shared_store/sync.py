@@ -91,9 +91,9 @@ class SharedArtifacts(Artifacts):
         if store.intact(record) or not remote.url:
             return store.intact(record)
         with store.lock(record.output.digest, lambda: None):  # one process downloads for all
-            remote.call_or_none("reading", partial(pull, store, record))
+            answer = remote.call_or_none("reading", partial(pull, store, record))
         is_here = store.intact(record)
-        if not is_here:  # other processes then do not request it for a while
+        if answer and not is_here:  # other processes then do not request it for a while
             _failure(store, record).touch()
         return is_here
 

@@ -20,6 +20,17 @@ from pipeline.settings import setting
 _log = logging.getLogger("pipeline")
 
 
+class _Unfollowed(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect: the request would become one without the body, and succeed."""
+
+    def http_error_303(self, _request: object, response: Any, *_about: object) -> Any:
+        """Returns the answer, which counts as success: the server has read the request."""
+        return response
+
+    def redirect_request(self, *_response: object) -> None:
+        """Returns no request, so that the answer counts as a failure."""
+
+
 def post_to_webhook(fields: Mapping[str, Any]) -> None:
     """Posts the fields as JSON if there is a webhook; if that fails, a warning is logged."""
     if not (address := _address()):
@@ -28,11 +39,16 @@ def post_to_webhook(fields: Mapping[str, Any]) -> None:
     kind = {"Content-Type": "application/json"}
     try:
         request = urllib.request.Request(address, body, kind)  # noqa: S310  the user's own address
-        with urllib.request.urlopen(request, timeout=20):  # noqa: S310
-            pass
+        urllib.request.build_opener(_Unfollowed).open(request, timeout=20).close()
     except (OSError, ValueError, HTTPException) as error:
-        problem = f"nothing was posted to [grid] webhook: {_without_address(error)}"
-        _log.warning("%s. Check the address in luigi.cfg.", problem)
+        _log.warning("%s. Check the address in luigi.cfg.", _problem(error))
+
+
+def _problem(error: Exception) -> str:
+    if isinstance(error, HTTPError) and error.code // 100 == 3:
+        answer = f"the server answered {error.code}, a redirect: it may not have the summary"
+        return f"[grid] webhook: {answer}"
+    return f"nothing was posted to [grid] webhook: {_without_address(error)}"
 
 
 def _without_address(error: Exception) -> str:

@@ -19,4 +19,4 @@ BAD_DISK = [
 
 @pytest.mark.parametrize("scenario", BAD_DISK, ids=[each.name for each in BAD_DISK])
 def test_a_disk_that_fails_at_any_write_is_survived(scenario, tmp_path):
-    assert interruptions("faulted", [scenario], tmp_path) >= 10
+    assert interruptions("faulted", [scenario], tmp_path) >= 4  # the least: one record is moved

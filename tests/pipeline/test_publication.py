@@ -12,8 +12,9 @@ from killing import forked, make
 from message_words import mentions
 
 from pipeline import publication
+from pipeline.locks import is_held
 from pipeline.maintenance.verify import problems
-from pipeline.publication import publish
+from pipeline.publication import protect, publish
 from pipeline.record import Action, ActionRecord
 from pipeline.store import FORMAT, Store
 
@@ -185,7 +186,7 @@ def test_a_record_that_is_none_counts_as_absent_and_is_replaced(store, garbage, 
     attempt(store)
     assert store.find(ACTION.key).output == record.output
     assert is_whole(store)
-    assert len(list((store.root / "quarantine").glob("*/*.json"))) == 1
+    assert len(list((store.root / "quarantine").glob(f"{ACTION.key[:50]}*"))) == 1
 
 
 def test_a_record_without_its_object_counts_as_absent(store):
@@ -284,3 +285,25 @@ def test_a_folder_of_checkpoints_may_vanish_before_it_is_opened(store, tmp_path,
         assert folder == store.root / "resume" / ("0" * 64)
         assert folder.is_dir()
     assert calls
+
+
+def test_what_is_read_only_already_is_not_changed(store, monkeypatch):
+    """Another user's object is: only its owner may change its modes."""
+    record = attempt(store)
+
+    def not_permitted(path: Path, _mode: int) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path))
+
+    monkeypatch.setattr(Path, "chmod", not_permitted)
+    protect(store.object(record.output.digest))
+
+
+def test_a_workspace_can_be_opened_by_all_whom_the_umask_lets(store):
+    """So that another user of a group sees whether its process lives."""
+    before = os.umask(0o002)
+    try:
+        with store.workspace(ACTION.key) as workspace:
+            assert workspace.stat().st_mode & 0o777 == 0o775
+            assert is_held(workspace)
+    finally:
+        os.umask(before)

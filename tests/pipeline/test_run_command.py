@@ -1,6 +1,7 @@
 """What surrounds Luigi in a command: its order, its ends, and its exit status."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -12,6 +13,11 @@ from commands import ROOT, SUPPORT, pids_of_slow, start
 from forked_modules import ForkedModule
 from message_words import mentions
 from store_toys import built
+
+from pipeline import command
+from pipeline.command import run_command
+from pipeline.console.log_handler import ConsoleHandler
+from pipeline.maintenance import command_line
 
 
 def run(
@@ -204,3 +210,20 @@ def test_a_luigid_that_the_command_names_is_used_unless_it_is_to_run_alone(
     status, _, _ = run("Word", "--word", "hello", *options, folder=tmp_path)
     assert (status == 0) == is_local
     assert built() == ["Word hello"] * is_local
+
+
+@pytest.mark.parametrize(
+    ("run_here", "status"),
+    [
+        (lambda: run_command(["Wrod"], print, print), 1),
+        (lambda: command_line.main(["ls"]), 2),
+    ],
+    ids=["luigi", "pipeline"],
+)
+def test_a_command_without_standard_error_has_its_status(monkeypatch, run_here, status):
+    """`2>&-` closes it; what would be written there is lost, and nothing else."""
+    monkeypatch.setattr(command, "_complete_settings", lambda: None)
+    monkeypatch.setattr(sys, "stderr", None)
+    assert run_here() == status
+    ConsoleHandler().emit(logging.makeLogRecord({"msg": "nobody reads this"}))
+    sys.stderr.close()

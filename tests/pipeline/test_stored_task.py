@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
@@ -300,9 +302,6 @@ def test_tools_are_keyed_by_public_version(monkeypatch):
 
 
 def test_a_full_disk_is_reported_as_such(monkeypatch):
-    import errno
-    import os
-
     def full(*_args):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -310,3 +309,18 @@ def test_a_full_disk_is_reported_as_such(monkeypatch):
     with fails("disk", Word("a"), os.strerror(errno.ENOSPC), "STYLETRF_STORE"):
         Word("a").run()
     monkeypatch.undo()
+
+
+def test_a_disk_on_which_no_file_can_be_made_is_a_full_disk(monkeypatch):
+    """It may have bytes left and no inodes: then the failure has no log either."""
+    current_store()
+
+    def full(*_words: object, **_options: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "mkdir", full)
+        disk.setattr(Path, "touch", full)
+        with fails("disk", Word("a"), os.strerror(errno.ENOSPC), "STYLETRF_STORE"):
+            Word("a").run()
+    assert built() == []

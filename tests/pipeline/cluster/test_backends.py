@@ -6,7 +6,7 @@ import json
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +14,14 @@ import luigi
 import pytest
 from build_toys import Act
 from commands import are_gone, pids_of_slow, start
-from expected_failures import fails
+from expected_failures import fails, refuses
 from forked_modules import ForkedModule
 from message_words import mentions
 from ray_process import RayCluster
 from slurm_cluster import SlurmCluster, is_installed
 from store_toys import NO_WORD, Sentence, Word, built
 
+from pipeline.cluster import backends
 from pipeline.cluster.backends import BACKENDS
 from pipeline.cluster.job_runner import run_remote_job
 from pipeline.cluster.ray_driver import resource_request
@@ -386,3 +387,23 @@ def test_the_last_result_in_the_output_counts():
         JobResult.from_output(f"noise\n{JobResult('crash').to_json()}\n{result.to_json()}\n\n")
         == result
     )
+
+
+@pytest.fixture
+def options_of_slurm() -> Iterator[Callable[[str], list[str]]]:
+    """Returns the options of `sbatch` for a job with `[slurm] options`."""
+    config, job = luigi.configuration.get_config(), remote_job_of(Act("succeed"), "0" * 64, 0, 0)
+
+    def options(text: str) -> list[str]:
+        config.set("slurm", "options", text)
+        return backends._sbatch_options(replace(job, gpus=0))
+
+    yield options
+    config.remove_section("slurm")
+
+
+def test_quotes_in_options_of_slurm_are_those_of_a_shell(options_of_slurm):
+    found = options_of_slurm("""--constraint="a100|h100" --comment='my grid' -p gpu""")
+    assert found[-4:] == ["--constraint=a100|h100", "--comment=my grid", "-p", "gpu"]
+    with refuses("[slurm] options", "luigi.cfg"):
+        options_of_slurm("--comment='my grid")

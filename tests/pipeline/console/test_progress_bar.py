@@ -1,6 +1,9 @@
 """The progress bar, on a terminal and in a file."""
 
+import contextlib
 import io
+import os
+from typing import TextIO
 
 import pytest
 
@@ -56,3 +59,32 @@ def test_a_bar_without_progress_draws_nothing():
     screen = io.StringIO()
     ProgressBar("Poses", screen, interactive=True).close()
     assert screen.getvalue() == ""
+
+
+def unread_pipe() -> TextIO:
+    reading, writing = os.pipe()
+    os.close(reading)
+    return os.fdopen(writing, "w", buffering=1)
+
+
+def closed_stream() -> TextIO:
+    stream = io.StringIO()
+    stream.close()
+    return stream
+
+
+def file_on_a_full_disk() -> TextIO:
+    return os.fdopen(os.open("/dev/full", os.O_WRONLY), "w", buffering=1)
+
+
+@pytest.mark.parametrize("opened", [unread_pipe, closed_stream, file_on_a_full_disk])
+def test_a_stream_that_cannot_be_written_stops_no_build(clock, opened):
+    """`2>&1 | tee log`, where tee has ended; a log on a full disk."""
+    bar = ProgressBar("RadianceField", stream := opened(), interactive=False)
+    for second in (20.0, 40.0):
+        clock[0] = second
+        bar(int(second), 60)
+        bar.say("a line")
+    bar.close()
+    with contextlib.suppress(OSError):
+        stream.close()

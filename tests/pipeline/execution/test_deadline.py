@@ -35,7 +35,9 @@ def test_a_time_of_day_means_its_next_occurrence():
         assert f"{moment:%H:%M}" == clock
 
 
-@pytest.mark.parametrize("text", ["2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00", "06:00"])
+@pytest.mark.parametrize(
+    "text", ["2031-01-02T03:04:05", "2031-01-02T03:04:05+02:00", "2031-01-02T03:04", "06:00"]
+)
 def test_a_serialized_moment_means_the_same_in_every_time_zone(text, monkeypatch):
     moment = Deadline().parse(text)
     monkeypatch.setenv("TZ", "Pacific/Auckland")

@@ -1,7 +1,9 @@
+import errno
 import json
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -159,6 +161,16 @@ def test_what_lies_beside_a_log_stays_with_it(store, monkeypatch):
     assert [v.path.name for v in decisions if v.what == "logs"] == ["other.1.colmap"]
 
 
+def test_a_link_is_deleted_without_what_it_leads_to(store, tmp_path):
+    theirs = tmp_path / "theirs"
+    theirs.mkdir(mode=0o500)
+    (store.root / "tmp" / "link").symlink_to(theirs)
+    collect_all(store)
+    assert not list((store.root / "tmp").iterdir())
+    assert not list((store.root / "trash").iterdir())
+    assert theirs.stat().st_mode & 0o777 == 0o500
+
+
 def test_what_vanishes_meanwhile_counts_nothing(store, tmp_path):
     (tmp_path / "link").symlink_to(store.root)
     assert size_bytes(tmp_path / "gone") == 0
@@ -238,12 +250,14 @@ def test_a_record_that_cannot_be_read_stops_it_before_anything_goes(store, garba
     record, other = made(store, "a"), made(store, "b")
     store.action(record.action.key).chmod(0o644)
     store.action(record.action.key).write_bytes(garbage)
+    left = store.root / "trash" / "left"
+    left.touch()
     for delete in (False, True):
         with refuses(store.action(record.action.key), "`verify --repair`"):
             collect(store, keep_last=0, grace_hours=0, delete=delete)
     assert store.object(record.output.digest).is_dir()
     assert holds(store, other)
-    assert not list((store.root / "trash").iterdir())
+    assert list((store.root / "trash").iterdir()) == [left]
 
 
 def test_gc_deletes_what_ended_processes_left_and_spares_living_ones(store, monkeypatch):
@@ -364,3 +378,98 @@ def test_a_closure_is_found_in_linear_time():
     started = time.process_time()
     assert len(ancestors([str(19_999)], known)) == 20_000
     assert time.process_time() - started < 10
+
+
+def test_a_full_disk_is_freed(store, monkeypatch):
+    """Nothing can be made there, not even a folder; what is there can be renamed and deleted."""
+    record = made(store, "a")
+
+    def full(*_words: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "mkdir", full)
+        collect_all(store)
+    assert names(store) == []
+    assert not store.object(record.output.digest).exists()
+    assert not list((store.root / "trash").iterdir())
+
+
+def test_what_was_moved_before_the_disk_failed_is_deleted(store, monkeypatch):
+    """A full disk has no room for the names of all garbage, until some of it is deleted."""
+    for name in "abc":
+        made(store, name)
+    set_aside, calls = Store.set_aside, []
+
+    def once(mine: Store, path: Path, folder: str) -> Path:
+        calls.append(path)
+        if len(calls) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return set_aside(mine, path, folder)
+
+    monkeypatch.setattr(Store, "set_aside", once)
+    for left in (2, 1):  # one more record goes each time
+        calls.clear()
+        with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+            collect_all(store)
+        assert not list((store.root / "trash").iterdir())
+        assert len(names(store)) == left
+
+
+def test_what_may_not_be_moved_stays_and_the_other_garbage_goes(store, monkeypatch, caplog):
+    objects = [store.object(made(store, name).output.digest) for name in "abc"]
+    (foreign, *own), rename = sorted(objects), Path.rename
+
+    def refused(path: Path, target: Path) -> Path:
+        if path == foreign:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", refused)
+    (stays,) = (decision for decision in collect_all(store) if not decision.delete)
+    assert stays.path == foreign
+    assert foreign.exists()
+    assert not any(path.exists() for path in own)
+    assert names(store) == []
+    assert [mentions(warned.message, "1", "own") for warned in caplog.records] == [True]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="wants root, who can become two users")
+def test_in_the_store_of_a_group_each_user_collects_what_is_theirs(public):
+    public.chmod(0o777)
+    owners = {"a": 1001, "b": 1002}
+
+    def as_user(user: int, act: Callable[[], object]) -> int:
+        def become_user_and_act() -> None:
+            os.umask(0o002)
+            os.setgroups([])
+            os.setuid(user)
+            act()
+
+        return ended(forked(become_user_and_act))
+
+    def objects() -> set[int]:
+        return {path.stat().st_uid for path in (public / "store" / "objects").glob("*/*")}
+
+    for name, user in owners.items():
+        assert as_user(user, lambda name=name: make(Store.open(public / "store"), name)) == 0
+    assert objects() == {1001, 1002}
+    assert as_user(1002, lambda: collect_all(Store.open(public / "store"))) == 0
+    assert objects() == {1001}
+    assert as_user(1001, lambda: collect_all(Store.open(public / "store"))) == 0
+    assert not list((public / "store").glob("actions/*/*"))
+    assert objects() == set()
+
+
+def test_a_workspace_of_another_user_that_cannot_be_opened_stops_nobody(public):
+    """A killed build leaves it in a store that a group may write."""
+    key = action_of("a").key
+
+    def build_and_collect() -> None:
+        store = Store.open(public / "store")
+        (store.root / "tmp" / f"{key}-left").mkdir(mode=0)
+        make(store, "a")
+        collect(store, delete=True)
+        assert names(store) == ["a"]
+
+    assert as_nobody(build_and_collect) == 0

@@ -83,3 +83,24 @@ def test_the_usual_policy_keeps_a_day_and_three_runs(store):
     made(store, "a")
     assert pipeline("gc", "--delete")[0] == 0
     assert names(store) == ["a"]
+
+
+def test_an_interrupted_command_ends_with_130(store, monkeypatch, capsys):
+    def interrupted(*_words: object, **_options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pipeline.maintenance.store_commands.problems", interrupted)
+    try:
+        status = main(["verify"])
+    except KeyboardInterrupt:  # it would end the tests
+        pytest.fail("it ends with a traceback")
+    assert status == 130
+    assert capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scene", ["lego (1)", "fern, at dusk", "a=b"])
+def test_du_has_the_whole_name_of_a_scene(store, scene, capsys):
+    make(store, scene)
+    assert main(["du", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["scene"] for row in rows if "scene" in row] == [scene]

@@ -10,11 +10,14 @@ import luigi
 import pytest
 from expected_failures import fails, refuses
 from killing import make
+from message_words import mentions
 from store_toys import Sentence, Word, built, mark
 
+from pipeline.errors import StoreError
 from pipeline.maintenance.command_line import main
 from pipeline.maintenance.verify import problems
 from pipeline.record import ActionRecord
+from pipeline.shared_store.remote import Remote, open_remote
 from pipeline.shared_store.settings import current_remote
 from pipeline.shared_store.sync import push
 from pipeline.store import Store
@@ -308,4 +311,24 @@ def test_a_build_that_alters_its_input_fails_and_the_input_is_set_aside(store, w
     assert [r.provenance["label"] for r in store.records()].count(task.label) == 0
     assert not Word("hello").complete()
     assert build(Sentence())
+    assert is_right(store, word)
+
+
+@pytest.mark.parametrize("kind", [flip, remove_all], ids=lambda kind: kind.__name__)
+def test_repair_keeps_records_while_the_shared_store_does_not_answer(
+    store, shared, word, kind, monkeypatch, capsys
+):
+    damage(store, word, kind)
+
+    def away(*_request: object) -> None:
+        raise StoreError("it is away")
+
+    with monkeypatch.context() as outage:
+        outage.setattr(Remote, "has", away)
+        assert main(["verify", "--deep", "--repair"]) == 2
+        assert mentions(capsys.readouterr().err, current_remote().url, "Word hello")
+    assert store.record(word.action.key) == word
+    open_remote.cache_clear()  # a minute later
+    assert main(["verify", "--deep", "--repair"]) == 0
+    assert artifact(Word("hello"))
     assert is_right(store, word)

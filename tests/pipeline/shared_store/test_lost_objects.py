@@ -5,6 +5,7 @@ from killing import make
 from sharing_cases import build, is_whole
 from store_toys import Sentence, Word, built
 
+from pipeline.errors import StoreError
 from pipeline.maintenance.command_line import main
 from pipeline.settings import current_store
 from pipeline.shared_store.remote import Remote
@@ -95,3 +96,45 @@ def test_repair_does_not_restore_a_record_without_its_object(shared, store, caps
     assert main(["verify", "--repair"]) == 0
     assert "restored" not in capsys.readouterr().out
     assert is_whole(Store(store.root))
+
+
+def test_a_request_that_fails_hides_no_object(shared, store, elsewhere, monkeypatch):
+    """Nobody learned from it that the object is lost."""
+    monkeypatch.setattr("pipeline.shared_store.remote.CIRCUIT_OPEN_S", 0.0)
+    record = make(store, "a")
+    push(store, record, current_remote())
+    here = SharedArtifacts(elsewhere("here"))
+
+    def away(*_request: object) -> None:
+        raise StoreError("it is away")
+
+    with monkeypatch.context() as outage:
+        outage.setattr(Remote, "has", away)
+        assert not here.fetch(record)
+    assert here.is_available(record)
+    assert here.fetch(record)
+
+
+def test_an_object_that_is_not_there_is_not_requested_again_for_a_while(
+    shared, store, elsewhere, monkeypatch
+):
+    record, requests = make(store, "a"), []
+    push(store, record, current_remote())
+    shared.remove(*shared.names("objects"))
+    here, real = SharedArtifacts(elsewhere("here")), Remote.has
+    monkeypatch.setattr(Remote, "has", lambda *which: (requests.append(which), real(*which))[1])
+    assert not here.fetch(record)
+    assert requests
+    requests.clear()
+    assert not here.is_available(record)
+    assert not requests
+
+
+def test_pull_replaces_a_record_here_whose_object_is_lost(shared, store, elsewhere, capsys):
+    newer = make(store, "a", "new")
+    push(store, newer, current_remote())
+    here = elsewhere("here")
+    lost = make(here, "a", "old")
+    here.quarantine(here.object(lost.output.digest))
+    assert main(["pull", newer.action.key]) == 0
+    assert here.find(newer.action.key) == newer

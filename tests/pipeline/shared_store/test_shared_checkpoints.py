@@ -4,6 +4,7 @@ import errno
 import os
 import threading
 import time
+from pathlib import Path
 
 import luigi
 import pytest
@@ -11,9 +12,13 @@ from checkpoint_cases import KEY, failing, folder, uploaded
 from message_words import mentions
 from shared_stores import Place
 
+from pipeline.errors import StoreError
 from pipeline.shared_store import checkpoints
 from pipeline.shared_store.checkpoints import forget_checkpoints, shared_checkpoints
 from pipeline.shared_store.settings import current_remote
+
+NOTES = {".shared"}
+"""What lies beside downloaded checkpoints and belongs to none of them."""
 
 
 def test_another_machine_goes_on_from_the_last_one(shared: Place, tmp_path):
@@ -68,7 +73,7 @@ def test_what_is_half_written_is_not_given(shared: Place, tmp_path):
         pass
     there = folder(tmp_path / "there")
     with shared_checkpoints(KEY, there):
-        assert [path.name for path in there.iterdir()] == ["checkpoint"]
+        assert {path.name for path in there.iterdir()} - NOTES == {"checkpoint"}
 
 
 def test_what_a_killed_process_left_does_not_stop_checkpoints(shared: Place, tmp_path):
@@ -82,7 +87,7 @@ def test_what_a_killed_process_left_does_not_stop_checkpoints(shared: Place, tmp
     with failing(here):
         pass
     with shared_checkpoints(KEY, there):
-        assert [path.name for path in there.iterdir()] == ["checkpoint"]
+        assert {path.name for path in there.iterdir()} - NOTES == {"checkpoint"}
 
 
 def test_a_checkpoint_that_the_disk_refuses_is_a_warning(
@@ -159,3 +164,50 @@ def test_a_shared_store_that_is_away_is_a_warning(tmp_path, monkeypatch, caplog)
         pass
     assert caplog.messages
     assert all(mentions(message, tmp_path / "nowhere") for message in caplog.messages)
+
+
+def written(resume: Path, text: str, ahead_s: float = 0.0) -> None:
+    """Writes a checkpoint on a machine whose clock is ahead by so much."""
+    (resume / "new").write_text(text)
+    os.utime(resume / "new", (time.time() + ahead_s,) * 2)
+    (resume / "new").replace(resume / "checkpoint")
+
+
+@pytest.mark.parametrize("is_uploaded", [True, False])
+def test_what_continues_a_checkpoint_is_newer_whatever_the_clocks_say(
+    shared: Place, tmp_path, is_uploaded
+):
+    """The old one of a machine whose clock was ahead replaced the work of another one."""
+    ahead, here, third = (folder(tmp_path / name) for name in ("ahead", "here", "third"))
+    with failing(ahead):
+        written(ahead, "step 1", ahead_s=600)
+    for step in (2, 3):
+        if is_uploaded:
+            with failing(here):
+                written(here, f"step {step}")
+        else:  # it is killed before
+            with shared_checkpoints(KEY, here):
+                written(here, f"step {step}")
+        with shared_checkpoints(KEY, here):
+            assert (here / "checkpoint").read_text() == f"step {step}"
+    with shared_checkpoints(KEY, third):
+        assert (third / "checkpoint").read_text() == ("step 3" if is_uploaded else "step 1")
+    assert len(uploaded()) == 1
+
+
+def test_a_checkpoint_whose_upload_failed_is_uploaded_by_the_next_one(
+    shared: Place, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("pipeline.shared_store.remote.CIRCUIT_OPEN_S", 0.0)
+    here, remote = folder(tmp_path / "here", checkpoint="step 1"), current_remote()
+    uploader = checkpoints.CheckpointUploader(KEY, here, remote)
+
+    def away(*_request: object) -> None:
+        raise StoreError("it is away")
+
+    with monkeypatch.context() as outage:
+        outage.setattr(type(remote), "create", away)
+        uploader.upload()
+    assert not uploaded()
+    uploader.upload()
+    assert uploaded()

@@ -1,5 +1,6 @@
 """A shared store that fails, goes away, or may only be read."""
 
+import errno
 import os
 import re
 import subprocess
@@ -279,3 +280,14 @@ def test_a_bucket_that_may_only_be_read_serves_and_is_one_warning(proxied, elsew
     assert built().count("Word hello") == 2
     assert is_whole(there)
     assert is_whole(third)
+
+
+@pytest.mark.parametrize("name", ["EROFS", "ENOSPC", "EDQUOT", "ENOTDIR", "ENAMETOOLONG"])
+def test_what_only_a_person_mends_is_not_waited_for(monkeypatch, name):
+    def fail(_remote: Remote) -> None:
+        raise StoreError("it fails") from OSError(getattr(errno, name), name)
+
+    waits: list[float] = []
+    monkeypatch.setattr("pipeline.shared_store.remote.time.sleep", waits.append)
+    Remote("/shared", patience_seconds=0.001).call_or_none("writing", fail)
+    assert not waits
