@@ -89,9 +89,9 @@ def _of_poses(folder: Path, given: GivenPoses | None) -> Iterator[str]:
         below = [path for path in below if path.parent == folder]  # published splits leave some out
     others = [str(path.relative_to(folder)) for path in below if path.resolve() not in used]
     if given.missing:
-        yield f"{given.source.name} names photographs that are missing: {_listed(given.missing)}"
+        yield f"{given.name} names photographs that are missing: {_listed(given.missing)}"
     if others:
-        yield f"{given.source.name} has no poses of: {_listed(others)}"
+        yield f"{given.name} has no poses of: {_listed(others)}"
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -27,11 +27,16 @@ _OF_DECODERS = re.compile(
 _JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]", re.DOTALL)  # not one within a scan
 _UPRIGHT = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH  # BGR: RGB garbles 16-bit TIFF in OpenCV 5.0
+_SIZE_BOUND = "CV_IO_MAX_IMAGE"  # in OpenCV's errors: of 2^30 pixels, and of 2^20 a side
 _STANDARD_ERROR = threading.Lock()
 
 
 def decoded(file: bytes, *, is_heif: bool) -> np.ndarray | None:
-    """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage."""
+    """Returns pixels BGR or BGRA of any depth, or None where there is any sign of damage.
+
+    Raises:
+        OverflowError: OpenCV decodes no image of so many pixels.
+    """
     if is_heif:
         return _as_bgr(heif_pixels(file))
     if is_gray_with_alpha(file) and (rgba := gray_with_alpha(file)) is not None:
@@ -47,7 +52,9 @@ def decoded(file: bytes, *, is_heif: bool) -> np.ndarray | None:
                 # IMREAD_UNCHANGED leaves a photograph lying on its side
                 is_rgba = pixels.shape[2:] == (4,)
                 pixels = _turned(pixels, file) if is_rgba else cv2.imdecode(encoded, _UPRIGHT)
-        except cv2.error:
+        except cv2.error as error:
+            if _SIZE_BOUND in str(error):
+                raise OverflowError(str(error)) from error
             return None
     return None if _JPEG_DAMAGE.search("".join(complaints)) else pixels
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from styletrf.capture.photograph_names import photograph_names, stored_files
+from styletrf.capture.photograph_names import composed, photograph_names, stored_files
 from styletrf.capture.photographs import path_below
 from styletrf.errors import InputError
 
@@ -23,6 +23,12 @@ class PhotographNames:
     def matches(self, pattern: str) -> bool:
         """Returns whether any of them matches a pattern such as `IMG_00*`."""
         return any(fnmatchcase(name, pattern) for name in (self.name, *self.of_file, *self.paths))
+
+    @property
+    def in_nfc(self) -> "PhotographNames":
+        """The same names with each accent in one character with its letter (Unicode NFC)."""
+        of_file, paths = (frozenset(map(composed, one)) for one in (self.of_file, self.paths))
+        return PhotographNames(composed(self.name), of_file, paths)
 
 
 def without(folder: Path, files: Sequence[Path], leave_out: Sequence[str]) -> list[Path]:
@@ -53,7 +59,8 @@ def left_out(leave_out: Sequence[str], known: Sequence[PhotographNames]) -> set[
     Raises:
         InputError: No photograph has such a name.
     """
-    return {index for asked in leave_out for index in _indices(asked, known)}
+    typed = [one.in_nfc for one in known]
+    return {index for asked in leave_out for index in _indices(composed(asked), typed)}
 
 
 def _indices(asked: str, known: Sequence[PhotographNames]) -> list[int]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from styletrf.capture.masks import MASKS
+from styletrf.capture.photograph_names import composed
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
     is_of_scene,
@@ -122,14 +123,15 @@ def _only_ones(pairs: Iterable[tuple[str, Path]]) -> dict[str, Path]:
 
 def _mask_names(place: Path) -> list[Path]:
     """Returns the two names that the mask of a photograph may have, without the mask's suffix."""
-    return [_with_lower_suffix(place.with_suffix("")), _with_lower_suffix(place)]
+    return [_compared(place.with_suffix("")), _compared(place)]
 
 
 def _masked(place: Path) -> Path | None:
     """Returns the one of these names that a mask has; None where it is not a PNG."""
-    return _with_lower_suffix(place.with_suffix("")) if place.suffix.lower() == _PNG else None
+    return _compared(place.with_suffix("")) if place.suffix.lower() == _PNG else None
 
 
-def _with_lower_suffix(path: Path) -> Path:
-    suffix = path.suffix.lower()
+def _compared(path: Path) -> Path:
+    """Returns a name as it is typed, and an image's suffix in lower case."""
+    path, suffix = Path(composed(str(path))), path.suffix.lower()
     return path.with_suffix(suffix) if suffix in PHOTOGRAPH_SUFFIXES else path

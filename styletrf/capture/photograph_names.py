@@ -4,6 +4,7 @@ Upper and lower case count as the same, since some file systems do not tell them
 """
 
 import os
+import unicodedata
 from collections.abc import Mapping, Sequence, Set
 from itertools import count
 from pathlib import Path
@@ -12,14 +13,32 @@ from styletrf.capture.capture_file import Photograph
 from styletrf.capture.panorama.panorama_views import DIRECTIONS, view_name
 from styletrf.errors import InputError
 
+_MOST_BYTES = 200  # of the 255 that file systems allow: names of files made of it are longer
+
 
 def stored_files(files: Sequence[Path]) -> list[str]:
-    """Returns the names of files in one folder; with their folders' before them where any clash."""
+    """Returns the names of files in one folder; with their folders' before them where any clash.
+
+    Of a name of more than 200 bytes the end is left.
+    """
     names = [file.name for file in files]
-    if not _clash(names):
-        return names
-    common = Path(os.path.commonpath(files))
-    return distinct(["_".join(file.relative_to(common).parts) for file in files])
+    if _clash(names):
+        common = Path(os.path.commonpath(files))
+        names = ["_".join(file.relative_to(common).parts) for file in files]
+    return distinct([shortened(name) for name in names])
+
+
+def shortened(name: str) -> str:
+    """Returns the last 200 bytes of a name, or fewer where a character begins before them."""
+    return name.encode()[-_MOST_BYTES:].decode(errors="ignore")
+
+
+def composed(name: str) -> str:
+    """Returns a name with each accent in one character with its letter (Unicode NFC).
+
+    Keyboards type it so; macOS stores accents apart from their letters.
+    """
+    return unicodedata.normalize("NFC", name)
 
 
 def photograph_names(stored: Sequence[str]) -> list[str]:

@@ -12,7 +12,7 @@ from styletrf.capture.decoding import decoded
 from styletrf.errors import InputError
 from styletrf.files.heif_images import HEIF_SUFFIXES
 from styletrf.files.linked_folders import walk
-from styletrf.files.unusual_images import white_level
+from styletrf.files.unusual_images import is_premultiplied, white_level
 
 PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
@@ -99,6 +99,16 @@ def files_below(folder: Path, suffixes: Set[str]) -> list[Path]:
     ]
 
 
+def folder_of_pictures(scene: Path) -> Path:
+    """Returns where the pictures of a scene lie: in `images`, or in itself if that holds none.
+
+    Raises:
+        InputError: As `files_below`.
+    """
+    pictures = PHOTOGRAPH_SUFFIXES | VIDEO_SUFFIXES
+    return next((one for one in (scene / "images", scene) if files_below(one, pictures)), scene)
+
+
 def dangling_links(folder: Path) -> list[Path]:
     """Returns the links that have a photograph's name and lead nowhere, in natural order.
 
@@ -183,37 +193,45 @@ def read_photograph(path: Path, *, ground: float = 1.0) -> UInt8[np.ndarray, "he
         ground: The gray behind transparent pixels, from 0 (black) to 1 (white).
 
     Raises:
-        InputError: The file cannot be read, is no image, or is cut short or damaged.
+        InputError: The file cannot be read, is no image, is cut short or damaged, or has too many
+            pixels.
     """
     try:
         encoded = path.read_bytes()
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
-    pixels = decoded(encoded, is_heif=path.suffix.lower() in HEIF_SUFFIXES)
+    try:
+        pixels = decoded(encoded, is_heif=path.suffix.lower() in HEIF_SUFFIXES)
+    except OverflowError as error:
+        problem = "is too large to decode: it has more than 2^30 pixels, or 2^20 on a side"
+        raise InputError(str(path), problem, "Reduce it") from error
     if pixels is None:
         problem = "is empty" if not encoded else "is cut short, damaged, or no image"
         raise InputError(str(path), problem, "Copy it again from where it came, or remove it")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(str(path), f"has {pixels.dtype} pixels", "Save it with 8 or 16 bits")
-    return _eight_bits_on(ground, pixels, white_level(encoded, np.iinfo(pixels.dtype).max))
+    largest = np.iinfo(pixels.dtype).max
+    white, multiplied = white_level(encoded, largest), is_premultiplied(encoded, largest)
+    return _eight_bits_on(ground, pixels, white, multiplied=multiplied)
 
 
 def _eight_bits_on(
-    ground: float, pixels: np.ndarray, white: int
+    ground: float, pixels: np.ndarray, white: int, *, multiplied: bool
 ) -> UInt8[np.ndarray, "height width 3"]:
     """Returns RGB from BGR or BGRA of 8 or 16 bits whose white is this level, rounded once."""
     if pixels.shape[2] == 3 and white == 255:
         return np.ascontiguousarray(pixels[..., ::-1])
     blocks = (pixels[row : row + _ROWS] for row in range(0, len(pixels), _ROWS))
-    return np.concatenate([_rounded_on(ground, block, white) for block in blocks])
+    rounded = [_rounded_on(ground, block, white, multiplied=multiplied) for block in blocks]
+    return np.concatenate(rounded)
 
 
 def _rounded_on(
-    ground: float, pixels: np.ndarray, white: int
+    ground: float, pixels: np.ndarray, white: int, *, multiplied: bool
 ) -> UInt8[np.ndarray, "block_height width 3"]:
     color = np.minimum(pixels[..., 2::-1].astype(np.float64) / white, 1.0)
     if pixels.shape[2] == 4:
         alpha = pixels[..., 3:].astype(np.float64) / white
-        color = color * alpha + ground * (1 - alpha)
+        color = np.minimum((color if multiplied else color * alpha) + ground * (1 - alpha), 1.0)
     return np.asarray(np.rint(color * 255), dtype=np.uint8)

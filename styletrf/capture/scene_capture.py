@@ -111,7 +111,7 @@ def capture_photographs(
     if given:
         views = {view.file: view for view in given.views}
         named = {photograph.name: views[file] for file, photograph in examined.items()}
-        write_given_poses(out_dir / GIVEN_POSES, given.source.name, named)
+        write_given_poses(out_dir / GIVEN_POSES, given.name, named)
     capture = Capture(tuple(kept), tuple(warnings))
     write_capture(out_dir, capture)
     return capture
@@ -140,7 +140,7 @@ def _require_one_lens_source(folder: Path, given: GivenPoses | None, panoramas: 
     """Refuses photographs that are to be panoramas and have poses, which name their lenses."""
     if given and panoramas == "yes":
         problem = "are to be panoramas, but the poses that came with them name their lenses"
-        remedy = f"Take {given.source.name} away, or leave the setting panoramas at auto"
+        remedy = f"Take {given.name} away, or leave the setting panoramas at auto"
         raise InputError(str(folder), problem, remedy)
 
 

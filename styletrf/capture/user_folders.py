@@ -9,12 +9,14 @@ from pathlib import Path
 
 from styletrf.capture.known_scenes import download_instructions
 from styletrf.capture.mask_files import mask_files
+from styletrf.capture.photograph_names import composed
 from styletrf.capture.photographs import (
     FEWEST_PHOTOGRAPHS,
     MORE_PHOTOGRAPHS,
     PHOTOGRAPH_SUFFIXES,
     VIDEO_SUFFIXES,
     files_below,
+    folder_of_pictures,
     list_photographs,
     natural_order,
     photographs_below,
@@ -29,7 +31,6 @@ from styletrf.files.linked_folders import walk_files
 
 _POSES = ("poses_bounds.npy", "transforms*.json", "sparse/**/*.*", "colmap/sparse/**/*.*")
 """Files of the formats that `pose_formats` reads."""
-_OF_SCENES = PHOTOGRAPH_SUFFIXES | VIDEO_SUFFIXES
 _NAME = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")
 
 
@@ -42,15 +43,20 @@ def find_scene(data_root: Path, name: str) -> Path:
     passed over; with fewer beside videos, these are.
 
     Raises:
-        InputError: The name is not one of a plain folder, several videos beside each other or
-            beside a folder of them share it, a video has masks, which would not count, the folder
-            holds no photograph, the name of a picture is not in UTF-8, or there is no such scene;
-            it lists the scenes that exist and, for a well-known public one, says where to get it.
+        InputError: The name is not one of a plain folder or is `images`, several videos beside each
+            other or beside a folder of them share it, a video has masks, which would not count, the
+            folder holds no photograph, the name of a picture is not in UTF-8, or there is no such
+            scene; it lists the scenes that exist and, for a well-known public one, says where to
+            get it.
     """
     _check_name("scene", name)
+    if name == "images":  # `scene_folder` would be that of all scenes
+        problem = "is the name of the folder of photographs within a scene"
+        raise InputError(f"scene {name!r}", problem, "Rename the scene")
     scenes = data_root / "scenes"
-    own, images = scenes / name, scenes / name / "images"
-    folder = _folder_of_pictures(own)
+    own = _scene_named(scenes, name)
+    images = own / "images"
+    folder = folder_of_pictures(own)
     if _is_of_photographs(folder):
         return folder
     if videos := _found_videos(scenes, folder, name):
@@ -66,9 +72,23 @@ def find_scene(data_root: Path, name: str) -> Path:
     raise _no_such_scene(data_root, name)
 
 
-def _folder_of_pictures(own: Path) -> Path:
-    """Returns the folder `images` of a scene, or its own where that holds nothing."""
-    return next((one for one in (own / "images", own) if files_below(one, _OF_SCENES)), own)
+def _scene_named(scenes: Path, name: str) -> Path:
+    """Returns the folder of a scene, whether or not there is one."""
+    own = scenes / name
+    if own.exists():
+        return own
+    alike = (path for path in scenes.glob("*") if composed(path.name) == composed(name))
+    return next((path for path in alike if path.is_dir()), own)
+
+
+def _named(paths: Iterable[Path], name: str) -> list[Path]:
+    """Returns the files with a name, with or without its suffix.
+
+    If no name is exactly the same, it returns those whose accents are stored in another form.
+    """
+    files, typed = list(paths), composed(name)
+    exact = [path for path in files if name in (path.stem, path.name)]
+    return exact or [p for p in files if typed in (composed(p.stem), composed(p.name))]
 
 
 def _is_of_photographs(folder: Path) -> bool:
@@ -77,7 +97,8 @@ def _is_of_photographs(folder: Path) -> bool:
 
 def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
     """Returns the one video of a scene, or the folder of its several; None where it has none."""
-    beside, inside = _videos_beside(scenes, name), scene_videos(folder)
+    beside = _videos_beside(scenes, name)
+    inside = [video for video in scene_videos(folder) if video not in beside]
     if len(beside) + bool(inside) > 1:
         names = ", ".join(sorted(video.name for video in [*beside, *inside]))
         remedy = f"Put all clips of the scene into scenes/{name}, the others elsewhere"
@@ -93,14 +114,14 @@ def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
 
 def _videos_beside(scenes: Path, name: str) -> list[Path]:
     """Returns the videos beside the folder of a scene that have its name."""
-    named = [path for path in scenes.glob("*") if name in (path.stem, path.name)]
-    return _of_suffix(named, VIDEO_SUFFIXES)
+    videos = (path for path in scenes.glob("*") if path.suffix.lower() in VIDEO_SUFFIXES)
+    return [path for path in _named(videos, name) if path.is_file()]
 
 
 def _no_such_scene(data_root: Path, name: str) -> InputError:
     scenes = data_root / "scenes"
     existing = [
-        path.stem
+        path.name if path.is_dir() else path.stem
         for path in scenes.glob("*")
         if path.is_dir() or _of_suffix([path], VIDEO_SUFFIXES)
     ]
@@ -137,7 +158,7 @@ def skipped_photographs(data_root: Path, name: str) -> list[Path]:
     """
     if not scene_videos(find_scene(data_root, name)):
         return []
-    return photographs_below(_folder_of_pictures(data_root / "scenes" / name))
+    return photographs_below(folder_of_pictures(_scene_named(data_root / "scenes", name)))
 
 
 def skipped_videos(data_root: Path, name: str) -> list[Path]:
@@ -149,7 +170,8 @@ def skipped_videos(data_root: Path, name: str) -> list[Path]:
     if scene_videos(find_scene(data_root, name)):
         return []
     scenes = data_root / "scenes"
-    return [*files_below(scenes / name, VIDEO_SUFFIXES), *_videos_beside(scenes, name)]
+    own = _scene_named(scenes, name)
+    return [*files_below(own, VIDEO_SUFFIXES), *_videos_beside(scenes, name)]
 
 
 def scene_files(found: Path) -> list[Path]:
@@ -187,14 +209,14 @@ def find_style(data_root: Path, name: str) -> Path:
     styles = data_root / "styles"
     files = [path for path in styles.glob("*") if path.is_file() and path.name[0] != "."]
     images = [path for path in files if path.suffix.lower() in PHOTOGRAPH_SUFFIXES]
-    found = sorted(path for path in images if name in (path.stem, path.name))
+    found = sorted(_named(images, name))
     if len(found) == 1:
         require_readable_name(found[0].name)
         return found[0]
     if found:
         names = ", ".join(path.name for path in found)
         raise InputError(f"style {name!r}", f"several images share it: {names}", "Give one in full")
-    others = [path.name for path in files if name in (path.stem, path.name)]
+    others = [path.name for path in _named(files, name)]
     problem = f"{others[0]} is not an image" if others else "there is no such style"
     existing = [path.stem for path in images]
     remedy = f"Put a JPEG or PNG image into {styles} as {Path(name).stem}.jpg or .png"
@@ -249,6 +271,7 @@ def _of_suffix(paths: Iterable[Path], suffixes: Set[str]) -> list[Path]:
 
 
 def _check_name(kind: str, name: str) -> None:
+    require_readable_name(name)
     if not _NAME.fullmatch(name) or ".." in name:
         problem = "it must be a plain name, not empty, without '/' or '..' or a leading dot"
         raise InputError(f"{kind} {name!r}", problem, f"Give the name of a {kind} under data/")

@@ -53,6 +53,8 @@ def held_out_names(
 ) -> set[str]:
     """Returns the names of the views to measure by: of a published split, or of `split_views`.
 
+    The latter also decides if no view has a camera that the split holds out.
+
     Views of one panorama count as one, and are held out together: each shares its place, and what
     its margins show, with the others.
 
@@ -61,8 +63,9 @@ def held_out_names(
         given: The views whose poses came with them, by their names.
         panoramas: The names of the panoramas that views were cut from, by the names of the views.
     """
-    if any(view.held_out for view in given.values()):
-        return {camera.name for camera in cameras if given[camera.name].held_out}
+    published = {name for name, view in given.items() if view.held_out}
+    if placed := {camera.name for camera in cameras if camera.name in published}:
+        return placed
     sources = [panoramas.get(camera.name, camera.name) for camera in cameras]
     return {cameras[row].name for row in split_sources(sources)[1]}
 

@@ -1,5 +1,6 @@
 """Frames of videos: decoded, upright, at the times they are shown."""
 
+import re
 from collections.abc import Iterator, Set
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ from av.video.reformatter import Colorspace
 from jaxtyping import UInt8
 
 from styletrf.errors import InputError
+from styletrf.files.colors.high_dynamic_range import HLG, PQ, srgb_from_hdr
 
 Frame = UInt8[np.ndarray, "height width 3"]
 
 _UNSPECIFIED = 2  # FFmpeg's AVCOL_SPC_UNSPECIFIED
 _HD_COLUMNS, _SD_LINES = 1280, 576
+_CLOCK = re.compile(r"(\d+):(\d+):(\d+(?:\.\d+)?)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +52,7 @@ def video_info(path: Path) -> VideoInfo:
         InputError: The file is missing or holds no video.
     """
     with _opened(path) as container:
-        stream = container.streams.video[0]
+        stream = _picture_of(container)
         count = 0
         with suppress(av.FFmpegError):  # where the file is cut short
             for packet in container.demux(stream):
@@ -92,7 +95,7 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
             converted.
     """
     with _opened(path) as container:
-        interval_s = 1 / float(container.streams.video[0].average_rate or 24)
+        interval_s = 1 / float(_picture_of(container).average_rate or 24)
         start_s, shown_s = None, -interval_s
         for index, frame in enumerate(_decodable(container)):
             shown_s = shown_s + interval_s if frame.pts is None else float(frame.time)
@@ -105,28 +108,33 @@ def timed_frames(path: Path, indices: Set[int] | None = None) -> Iterator[TimedF
 
 
 def _rgb(frame: av.VideoFrame, path: Path) -> Frame:
-    """Returns the pixels of a frame as they are stored.
+    """Returns the pixels of a frame as they are stored; those of HDR up to diffuse white.
 
     Raises:
         InputError: FFmpeg cannot convert them, as those in YCgCo or BT.2020 of constant luminance.
     """
+    is_hdr = frame.color_trc in (PQ, HLG)
+    stored = "rgb48le" if is_hdr else "rgb24"
     try:
-        pixels: Frame = frame.to_ndarray(format="rgb24", src_colorspace=_assumed_colorspace(frame))
+        pixels = frame.to_ndarray(format=stored, src_colorspace=_assumed_colorspace(frame))
     except av.FFmpegError as error:
         problem = f"has a color space that cannot be converted to RGB ({error.strerror})"
         raise InputError(str(path), problem, "Convert the video to BT.709") from error
-    return pixels
+    return srgb_from_hdr(pixels, frame.color_trc) if is_hdr else pixels
 
 
 def _assumed_colorspace(frame: av.VideoFrame) -> Colorspace | None:
     """Returns the color space to assume for a frame that names none; None if it names one.
 
-    From 1280 columns or 577 lines on that is BT.709, as players assume. FFmpeg would assume
-    BT.601, which makes red darker and browner.
+    That of HDR is BT.2020. Of other frames, it is BT.709 from 1280 columns or 577 lines on, as
+    players assume. FFmpeg would assume BT.601, which makes red darker and browner.
     """
-    is_untagged = frame.colorspace == _UNSPECIFIED and frame.format.name.startswith("yuv")
+    if frame.colorspace != _UNSPECIFIED or not frame.format.name.startswith("yuv"):
+        return None
+    if frame.color_trc in (PQ, HLG):
+        return Colorspace.BT2020
     is_hd = frame.width >= _HD_COLUMNS or frame.height > _SD_LINES
-    return Colorspace.ITU709 if is_untagged and is_hd else None
+    return Colorspace.ITU709 if is_hd else None
 
 
 def _is_equirectangular(frame: av.VideoFrame) -> bool:
@@ -142,10 +150,28 @@ def declared_duration_s(path: Path) -> float | None:
         InputError: The file is missing or holds no video.
     """
     with _opened(path) as container:
-        stream = container.streams.video[0]
-        if stream.duration is not None and stream.time_base is not None:
-            return float(stream.duration * stream.time_base)
-        return None if container.duration is None else container.duration / av.time_base
+        return _duration_s(container)
+
+
+def _duration_s(container: av.container.InputContainer) -> float | None:
+    """Returns how long a file says that its picture lasts; its sound may last longer.
+
+    Matroska and WebM give the duration of the whole file, and that of a stream as a tag.
+    """
+    stream = _picture_of(container)
+    if stream.duration is not None and stream.time_base is not None:
+        return float(stream.duration * stream.time_base)
+    if len(container.streams) == 1:
+        return _whole_duration_s(container)
+    tags = [text for tag, text in stream.metadata.items() if tag.startswith("DURATION")]
+    if not tags or not (times := _CLOCK.fullmatch(tags[0])):
+        return None
+    hours, minutes, seconds = map(float, times.groups())
+    return 3600 * hours + 60 * minutes + seconds
+
+
+def _whole_duration_s(container: av.container.InputContainer) -> float | None:
+    return None if container.duration is None else container.duration / av.time_base
 
 
 def declared_frames(path: Path) -> int:
@@ -157,17 +183,17 @@ def declared_frames(path: Path) -> int:
         InputError: The file is missing or holds no video.
     """
     with _opened(path) as container:
-        stream = container.streams.video[0]
+        stream = _picture_of(container)
         if stream.frames:
             return int(stream.frames)
-        rate = float(stream.average_rate or 0)
-    return round((declared_duration_s(path) or 0.0) * rate)
+        duration_s = _duration_s(container) or _whole_duration_s(container) or 0.0
+        return round(duration_s * float(stream.average_rate or 0))
 
 
 def _decodable(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
     """Yields the undamaged frames up to where the file can be read no further."""
     with suppress(av.FFmpegError):
-        for packet in container.demux(container.streams.video[0]):
+        for packet in container.demux(_picture_of(container)):
             with suppress(av.FFmpegError):  # behind a damaged packet decoding goes on
                 yield from (frame for frame in packet.decode() if not frame.is_corrupt)
 
@@ -181,3 +207,9 @@ def _opened(path: Path) -> av.container.InputContainer:
         container.close()
         raise InputError(str(path), "holds no video", "Give a video file")
     return container
+
+
+def _picture_of(container: av.container.InputContainer) -> av.VideoStream:
+    """Returns the stream that players show, which need not be the first: that may be a cover."""
+    best = container.streams.best("video")
+    return best if isinstance(best, av.VideoStream) else container.streams.video[0]

@@ -26,11 +26,12 @@ def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray)
 
     Raises:
         InputError: The lens fills no image, as one that bends lines and whose principal point is
-            outside the photograph, or one of a panorama.
+            outside the photograph, one of a panorama, or one of no size or focal length.
     """
     zoom = _zoom(lens)
     if zoom > _LARGEST_ZOOM:
-        problem = f"no pinhole camera replaces its lens {lens.model_name} {tuple(lens.params)}"
+        of = f"{lens.model_name} {lens.params.tolist()} of {lens.width}x{lens.height} pixels"
+        problem = f"no pinhole camera replaces its lens {of}"
         raise InputError(f"photograph {name}", problem, "Check the lens of its poses")
     fx, fy, cx, cy = _intrinsics(lens)
     return Camera(name, lens.width, lens.height, fx * zoom, fy * zoom, cx, cy, world_from_camera)
@@ -39,6 +40,9 @@ def pinhole_for(lens: pycolmap.Camera, name: str, world_from_camera: np.ndarray)
 def _zoom(lens: pycolmap.Camera) -> float:
     """Returns the zoom of `pinhole_for`; infinity where there is none."""
     if not lens.focal_length_idxs():  # of a panorama
+        return math.inf
+    lengths_px = (*_intrinsics(lens)[:2], lens.width, lens.height)
+    if not all(0 < length < math.inf for length in lengths_px):
         return math.inf
     zoom = _edge_zoom(lens)
     return zoom if _is_filled(lens, zoom) else _filling_zoom(lens)

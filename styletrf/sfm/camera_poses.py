@@ -23,7 +23,7 @@ from styletrf.capture.poses.given_poses import GivenView
 from styletrf.capture.scene_capture import given_views
 from styletrf.capture.views import held_out_names
 from styletrf.colmap import pycolmap
-from styletrf.configuration import require_at_least
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.files.images import write_png
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.geometry.cameras import Camera
@@ -94,6 +94,7 @@ class CameraPosesConfig:
             raise ValueError(
                 f"least_explained is a fraction from 0 to 1, not {self.least_explained:g}"
             )
+        require_within(SEEDS, self, "seed")
         require_at_least(1, self, "max_image_long_side", "max_features", "video_features")
         require_at_least(1, self, "tracks", "neighbors", "video_neighbors")
         require_at_least(0, self, "exhaustive_up_to", "preemptive_up_to")

@@ -1,6 +1,7 @@
 """Matches, and COLMAP's two mappers, on one database."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from contextlib import closing
 from itertools import combinations, groupby
 from pathlib import Path
@@ -11,7 +12,7 @@ from styletrf.colmap import pycolmap
 from styletrf.progress import Progress
 from styletrf.sfm.colmap_features import image_ids, read_descriptors
 from styletrf.sfm.colmap_images import ColmapImages
-from styletrf.sfm.matching.image_pairs import Pairs
+from styletrf.sfm.matching.image_pairs import Pairs, all_pairs, pieces
 from styletrf.sfm.matching.mutual_matches import mutual_matches
 
 _VERIFIED_AT_ONCE = 512  # pairs, so that the progress is known
@@ -117,16 +118,41 @@ def match_again(database: Path, images: ColmapImages, seed: int, progress: Progr
     Features that look like several others find their match along the epipolar line.
     """
     with closing(pycolmap.Database.open(database)) as opened:
-        index = {number: k for k, number in enumerate(image_ids(opened, images))}
-        ids, counts = opened.read_two_view_geometry_num_inliers()
-        pairs = []
-        for pair_id, count in zip(ids, counts, strict=True):
-            if count > 0:
-                one, other = pycolmap.pair_id_to_image_pair(pair_id)
-                opened.delete_two_view_geometry(one, other)
-                first, second = sorted((index[one], index[other]))
-                pairs.append((first, second))
+        ids, pairs = image_ids(opened, images), _verified_pairs(opened, images)
+        for i, j in pairs:
+            opened.delete_two_view_geometry(ids[i], ids[j])
     return match_pairs(database, images, pairs, seed, progress, guided=True)
+
+
+def pairs_within_other_pieces(
+    database: Path, images: ColmapImages, missing: Collection[int]
+) -> Pairs:
+    """Returns the pairs i < j of each piece, but not of that of the placed photographs.
+
+    Photographs that verified pairs connect form a piece, such as a burst. More pairs within a piece
+    do not connect it with others.
+
+    Args:
+        database: Holds the verified pairs.
+        images: The photographs.
+        missing: The positions of those that are not placed. If none is, the largest piece is left
+            out.
+    """
+    count = len(images.files)
+    with closing(pycolmap.Database.open(database)) as opened:
+        piece = pieces(count, _verified_pairs(opened, images))
+    placed = [piece[k] for k in range(count) if k not in missing]
+    [(of_placed, _)] = Counter(placed or piece).most_common(1)
+    return [(i, j) for i, j in all_pairs(count) if piece[i] == piece[j] != of_placed]
+
+
+def _verified_pairs(opened: pycolmap.Database, images: ColmapImages) -> Pairs:
+    """Returns the pairs i < j whose matches agree with some geometry."""
+    index = {number: k for k, number in enumerate(image_ids(opened, images))}
+    rows = zip(*opened.read_two_view_geometry_num_inliers(), strict=True)
+    found = (pycolmap.pair_id_to_image_pair(pair_id) for pair_id, inliers in rows if inliers > 0)
+    positions = ((index[one], index[other]) for one, other in found)
+    return [(min(pair), max(pair)) for pair in positions]
 
 
 def map_globally(

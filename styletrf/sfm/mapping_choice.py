@@ -20,6 +20,7 @@ from styletrf.sfm.colmap_mapping import (
     map_incrementally,
     match_again,
     match_pairs,
+    pairs_within_other_pieces,
     panorama_pairs,
 )
 from styletrf.sfm.mapping import SfmResult, could_be_placed, explained_fraction, is_explained
@@ -114,8 +115,10 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     """Matches more pairs of the photographs left out, where pairs were chosen.
 
     These are all of their pairs where these are few, else twice as many as before: a capture of
-    which most photographs are left out must not take a multiple of the time. Returns None where no
-    two photographs that share the most matches show the same: others are assumed not to.
+    which most photographs are left out must not take a multiple of the time. Photographs that
+    verified pairs connect form a piece, such as a burst. Of a piece that is not placed, pairs
+    within it are left out: they do not connect it with others. Returns None where no two
+    photographs that share the most matches show the same: others are assumed not to.
     """
     if best is None or best.matcher == "exhaustive":
         return None
@@ -128,7 +131,8 @@ def _left_out(task: MappingTask, best: SfmResult | None) -> SfmResult | None:
     pairs, kind = pairs_with(count, missing), "all"
     if len(pairs) > task.neighbors * count:
         wider = replace(task, neighbors=2 * task.neighbors)
-        pairs, kind = pairs_of(_pairs_to_match(wider)[1], missing), "more"
+        apart = pairs_within_other_pieces(task.database, task.images, set(missing))
+        pairs, kind = pairs_of(_pairs_to_match(wider, apart)[1], missing), "more"
     return _globally(task, f"{best.matcher}, then {kind} pairs of those left out", pairs)
 
 
@@ -246,36 +250,39 @@ def _with_own_lenses(task: MappingTask) -> MappingTask:
     return replace(task, database=database, images=images)
 
 
-def _pairs_to_match(task: MappingTask) -> tuple[str, Pairs]:
-    """Returns how pairs were chosen, and the pairs."""
+def _pairs_to_match(
+    task: MappingTask, excluded: Sequence[tuple[int, int]] = ()
+) -> tuple[str, Pairs]:
+    """Returns how pairs were chosen, and the pairs without those that are excluded."""
     count, sequences = len(task.photographs), shots(task.photographs)
     if not sequences and count <= task.exhaustive_up_to:
         return "exhaustive", all_pairs(count)
     if not sequences and count <= task.preemptive_up_to:
-        return "preemptive", _sharing(task)
+        return "preemptive", _sharing(task, excluded)
     if not sequences and is_sequence([photograph.name for photograph in task.photographs]):
         sequences = [list(range(count))]
-    near = [*pairs_within(sequences, 2 * task.neighbors), *panorama_pairs(task.images)]
+    near = [*pairs_within(sequences, 2 * task.neighbors), *panorama_pairs(task.images), *excluded]
     if not sequences:
         return "retrieval", _alike(task, 2 * task.neighbors, near)
     along, alike = pairs_along(sequences, task.neighbors), _alike(task, task.neighbors, near)
     return "sequential and retrieval", sorted({*along, *alike})
 
 
-def _sharing(task: MappingTask) -> Pairs:
-    """Returns pairs whose largest features match."""
+def _sharing(task: MappingTask, excluded: Sequence[tuple[int, int]]) -> Pairs:
+    """Returns pairs whose largest features match, without those excluded or of one panorama."""
     with closing(pycolmap.Database.open(task.database)) as opened:
         ids = image_ids(opened, task.images)
         largest = [read_largest_descriptors(opened, number, N_LARGEST) for number in ids]
-    return preemptive_pairs(largest, task.neighbors, task.progress, panorama_pairs(task.images))
+    left_out = [*panorama_pairs(task.images), *excluded]
+    return preemptive_pairs(largest, task.neighbors, task.progress, left_out)
 
 
-def _alike(task: MappingTask, neighbors: int, but: Pairs) -> Pairs:
+def _alike(task: MappingTask, neighbors: int, excluded: Pairs) -> Pairs:
     """Returns pairs that look alike by the features that the database holds."""
     with closing(pycolmap.Database.open(task.database)) as opened:
         ids = image_ids(opened, task.images)
         of = partial(read_descriptors, opened)
-        return similar_pairs(len(ids), lambda k: of(ids[k]), neighbors, task.seed, but)
+        return similar_pairs(len(ids), lambda k: of(ids[k]), neighbors, task.seed, excluded)
 
 
 def _unplaced(mapping: SfmResult, images: ColmapImages) -> list[int]:

@@ -30,7 +30,7 @@ from styletrf.capture.panorama.panoramas import (
     show_panoramas,
 )
 from styletrf.capture.photograph_file import write_photograph
-from styletrf.capture.photograph_names import distinct
+from styletrf.capture.photograph_names import distinct, shortened
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
 from styletrf.files.video_frames import (
@@ -229,8 +229,8 @@ def frame_prefixes(videos: Sequence[Path]) -> list[str]:
     """Returns the prefix of the numbers of each clip's frames, which is empty for a single clip."""
     if len(videos) == 1:
         return [""]
-    stems = [video.stem for video in videos]
-    names = [video.name.replace(".", "_") for video in videos]
+    stems = [shortened(video.stem) for video in videos]
+    names = [shortened(video.name.replace(".", "_")) for video in videos]
     return [f"{name}_" for name in (distinct(names) if distinct(stems) != stems else stems)]
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from styletrf.capture.photographs import natural_order
+from styletrf.capture.photographs import folder_of_pictures, natural_order
 from styletrf.capture.poses.colmap_folders import colmap_folders
 from styletrf.capture.poses.given_poses import (
     GivenPoses,
     GivenView,
     Lens,
     given_poses,
+    is_there,
     require_inside,
 )
 from styletrf.capture.poses.upright_views import upright_views
@@ -26,18 +27,19 @@ from styletrf.errors import InputError
 def read_colmap_model(folder: Path) -> GivenPoses | None:
     """Returns the registered photographs of a model below the folder; None where there is none.
 
-    Photographs lie in `images`, under the names that the model has for them.
+    Photographs lie in `images`, or in the folder itself where that holds none, under the names that
+    the model has for them.
 
     Raises:
-        InputError: The model cannot be read, names a photograph outside `images`, or hardly one
-            is there.
+        InputError: The model cannot be read, names a photograph elsewhere, or hardly one is there.
     """
     sources = colmap_folders(folder)
     if not sources:
         return None
-    source, views = _largest(sources, folder / "images")
+    photographs = folder_of_pictures(folder)
+    source, views = _largest(sources, photographs)
     for view in views:
-        require_inside(source, folder / "images", view.file.parent)
+        require_inside(source, photographs, view.file.parent)
     return given_poses(source, upright_views(views, are_stored=True))
 
 
@@ -55,7 +57,7 @@ def _largest(sources: Sequence[Path], photographs: Path) -> tuple[Path, list[Giv
             errors.append(error)
     if not views_of:
         raise errors[0]
-    return max(views_of.items(), key=lambda found: sum(view.file.is_file() for view in found[1]))
+    return max(views_of.items(), key=lambda found: sum(is_there(view.file) for view in found[1]))
 
 
 def colmap_views(source: Path, photographs: Path) -> list[GivenView]:

@@ -49,10 +49,24 @@ class GivenPoses:
     missing: tuple[str, ...] = ()
 
     @property
+    def name(self) -> str:
+        """The name of the source; that of a folder, such as `sparse/0`, with the one it is in."""
+        parts = self.source.parts[-2:] if self.source.is_dir() else [self.source.name]
+        return "/".join(parts)
+
+    @property
     def files(self) -> list[Path]:
         """The photographs, and all other files that were read."""
         sources = [self.source] if self.source.is_file() else sorted(self.source.iterdir())
         return [*(view.file for view in self.views), *sources]
+
+
+def is_there(file: Path) -> bool:
+    """Returns whether a photograph is there; none is by a name too long for a file."""
+    try:
+        return file.is_file()
+    except OSError:
+        return False
 
 
 def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
@@ -103,8 +117,8 @@ def given_poses(source: Path, views: Sequence[GivenView]) -> GivenPoses:
         InputError: There are fewer than three; it names the missing ones. Or one is named twice.
     """
     ordered = sorted(views, key=lambda view: natural_order(str(view.file)))
-    present = tuple(view for view in ordered if view.file.is_file())
-    missing = tuple(view.file.name for view in views if not view.file.is_file())
+    present = tuple(view for view in ordered if is_there(view.file))
+    missing = tuple(view.file.name for view in views if not is_there(view.file))
     if len(present) < FEWEST_PHOTOGRAPHS:
         problem = f"has poses of {len(present)} photographs that are there"
         names = f"; missing: {', '.join(missing[:10])}" if missing else ""

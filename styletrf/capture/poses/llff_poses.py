@@ -11,8 +11,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from styletrf.capture.photographs import list_photographs
-from styletrf.capture.poses.given_poses import GivenPoses, GivenView, Lens, given_poses, rigid
+from styletrf.capture.photographs import folder_of_pictures, list_photographs
+from styletrf.capture.poses.given_poses import (
+    GivenPoses,
+    GivenView,
+    Lens,
+    given_poses,
+    rigid,
+)
 from styletrf.capture.poses.upright_views import upright_views
 from styletrf.errors import InputError
 from styletrf.geometry.cameras import Camera
@@ -48,7 +54,9 @@ def read_llff_poses(path: Path, names: Sequence[str]) -> list[Camera]:
 
 
 def read_llff_folder(folder: Path) -> GivenPoses | None:
-    """Returns the views of `poses_bounds.npy` and `images` in a folder; None without the former.
+    """Returns the views of `poses_bounds.npy` and the photographs in a folder; None without it.
+
+    Photographs lie in `images`, or in the folder itself where that holds none.
 
     Raises:
         InputError: As `read_llff_poses`.
@@ -56,7 +64,7 @@ def read_llff_folder(folder: Path) -> GivenPoses | None:
     path = folder / "poses_bounds.npy"
     if not path.exists():
         return None
-    files = sorted(list_photographs(folder / "images"))
+    files = sorted(list_photographs(folder_of_pictures(folder)))
     cameras = read_llff_poses(path, [file.stem for file in files])
     views = [
         GivenView(file, _lens(camera), rigid(file.name, path, camera.world_from_camera))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from styletrf.capture.poses.given_poses import require_inside
+from styletrf.capture.poses.given_poses import is_there, require_inside
 from styletrf.errors import InputError
 
 REMEDY = "Export the scene again, or move the file away: then poses are estimated"
@@ -52,7 +52,7 @@ def frames_in(path: Path) -> list[Frame]:
         InputError: It is not of this format.
     """
     try:
-        values = json.loads(path.read_text())
+        values = json.loads(path.read_text(encoding="utf-8-sig"))
         return [
             Frame(
                 str(frame["file_path"]),
@@ -73,7 +73,7 @@ def photograph_named(path: Path, name: str) -> Path:
         InputError: It lies outside the folder of the file that names it.
     """
     candidates = [path.parent / f"{name}{suffix}" for suffix in _SUFFIXES]
-    file = next((each for each in candidates if each.is_file()), candidates[0])
+    file = next((each for each in candidates if is_there(each)), candidates[0])
     require_inside(path, path.parent, file)
     if file.is_relative_to(path.parent):
         return file
@@ -89,4 +89,4 @@ def transforms_photographs(folder: Path) -> list[Path]:
     files = [
         photograph_named(path, frame.name) for path in parts_of(folder) for frame in frames_in(path)
     ]
-    return [file for file in files if file.is_file()]
+    return [file for file in files if is_there(file)]

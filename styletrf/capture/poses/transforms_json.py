@@ -25,6 +25,7 @@ from styletrf.capture.poses.given_poses import (
     GivenView,
     Lens,
     given_poses,
+    is_there,
     rigid,
 )
 from styletrf.capture.poses.transforms_frames import (
@@ -128,7 +129,7 @@ def _are_alike(size: tuple[int, int], other: tuple[int, int]) -> bool:
 
 def _first_size(files: Sequence[Path], otherwise: tuple[int, int] = (1, 1)) -> tuple[int, int]:
     """Returns the size of the first photograph that is there and can be read."""
-    if present := [file for file in files if file.is_file()]:
+    if present := [file for file in files if is_there(file)]:
         with suppress(InputError):  # the capture says what is damaged, and leaves it out
             return first_size(present)
     return otherwise
@@ -172,8 +173,9 @@ def _lens(path: Path, values: dict[str, Any], size: tuple[int, int] | None) -> L
         )
         raise InputError(str(path), problem, "Export it with k1, k2, k3, p1 and p2 alone")
     numbers = (fx, fy, cx, cy, *bend)
-    if min(fx, fy) <= 0 or not all(map(math.isfinite, numbers)):
-        raise InputError(str(path), f"has an impossible lens: {numbers}", REMEDY)
+    if min(fx, fy, width, height) <= 0 or not all(map(math.isfinite, numbers)):
+        problem = f"has an impossible lens: {numbers} of {width}x{height} pixels"
+        raise InputError(str(path), problem, REMEDY)
     if any(bend) or model == "OPENCV_FISHEYE":
         return Lens(model, numbers, width, height)
     return Lens("PINHOLE", numbers[:4], width, height)

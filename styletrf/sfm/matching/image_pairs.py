@@ -77,6 +77,22 @@ def pairs_within(sequences: Sequences, steps: int) -> Pairs:
     return sorted(found)
 
 
+def pieces(count: int, links: Pairs) -> list[int]:
+    """Returns for each photograph the first one that links connect it with, or itself."""
+    earlier = list(range(count))
+
+    def first(k: int) -> int:
+        while earlier[k] != k:
+            earlier[k] = earlier[earlier[k]]
+            k = earlier[k]
+        return k
+
+    for i, j in links:
+        one, other = sorted((first(i), first(j)))
+        earlier[other] = one
+    return [first(k) for k in range(count)]
+
+
 def pairs_of(pairs: Pairs, members: Sequence[int]) -> Pairs:
     """Returns those of the pairs of which at least one is among `members`."""
     chosen = set(members)

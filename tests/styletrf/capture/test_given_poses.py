@@ -14,7 +14,7 @@ from message_words import mentions
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.poses.pose_formats import find_given_poses
-from styletrf.capture.scene_capture import capture_photographs
+from styletrf.capture.scene_capture import capture_photographs, given_views
 from styletrf.capture.user_folders import scene_files
 from styletrf.geometry.camera_table import read_cameras, read_fitted_rows, read_split
 from styletrf.geometry.cameras import project
@@ -186,6 +186,38 @@ def test_photographs_without_a_pose_and_poses_without_a_photograph_are_named(giv
             assert any(mentions(warning, name) for warning in warnings)
     else:
         assert warnings == ()
+
+
+@pytest.mark.parametrize("images", ["missing", "empty"])
+@pytest.mark.parametrize("write", [llff, colmap])
+def test_photographs_with_poses_may_lie_in_the_scenes_own_folder(tmp_path, write, images):
+    """They were sought in `images` alone, also if it was empty, so that the scene was refused."""
+    write(tmp_path, room_poses(3))
+    in_images = find_given_poses(tmp_path).views
+    for file in (tmp_path / "images").iterdir():
+        file.rename(tmp_path / file.name)
+    if images == "missing":
+        (tmp_path / "images").rmdir()
+    views = find_given_poses(tmp_path).views
+    assert [view.file for view in views] == [tmp_path / view.file.name for view in in_images]
+    assert [view.lens for view in views] == [view.lens for view in in_images]
+    assert {view.file for view in views} <= set(scene_files(tmp_path))
+
+
+def test_poses_are_named_by_their_file_or_by_their_folder_and_the_one_above(tmp_path):
+    """Warnings and reports called a COLMAP model `0`."""
+    for write, name in ((llff, "poses_bounds.npy"), (colmap, "sparse/0")):
+        write(tmp_path / write.__name__, room_poses(4))
+        (tmp_path / write.__name__ / "images").mkdir(exist_ok=True)
+        found = find_given_poses(tmp_path / write.__name__)
+        assert found.name == name
+    (tmp_path / "colmap/images/3.png").rename(tmp_path / "colmap/images/9.png")
+    found = find_given_poses(tmp_path / "colmap")
+    capture_photographs(tmp_path / "colmap/images", tmp_path / "out", given=found)
+    assert given_views(tmp_path / "out")[0] == "sparse/0"
+    warnings = read_capture(tmp_path / "out").warnings
+    assert len(warnings) == 2
+    assert all(mentions(warning, "sparse/0") for warning in warnings)
 
 
 def test_poses_can_be_solved_all_the_same_and_the_published_split_is_kept(tmp_path):

@@ -65,3 +65,10 @@ def test_an_unknown_name_is_refused_with_the_names_there_are(leave_out):
         left(["a/1.jpg", "b/1.jpg", "IMG 2.jpg"], "IMG*", leave_out)
     assert leave_out in refusal.value.subject
     assert mentions(refusal.value.remedy, "a_1", "b_1", "IMG 2")
+
+
+@pytest.mark.parametrize("asked", ["caf\u00e91", "cafe\u03011", "caf\u00e91.jpg", "caf\u00e9*"])
+@pytest.mark.parametrize("stored", ["caf\u00e91.jpg", "cafe\u03011.jpg"])
+def test_a_photograph_is_left_out_however_its_accents_are_stored(asked, stored):
+    """Names from macOS, whose accents are letters of their own, were not found."""
+    assert left([stored, "2.jpg"], asked) == ["2.jpg"]

@@ -74,6 +74,12 @@ def test_photographs_without_folders_have_masks_in_any(images):
     assert (fits, unused) == ({"2.jpg": "masks/walk/2.png"}, [])
 
 
+@pytest.mark.parametrize("photograph", ["caf\u00e9/\u00e9.jpg", "cafe\u0301/e\u0301.jpg"])
+@pytest.mark.parametrize("mask", ["masks/caf\u00e9/e\u0301.png", "masks/cafe\u0301/\u00e9.jpg.png"])
+def test_a_mask_is_found_however_its_accents_are_stored(images, photograph, mask):
+    assert found(images, [photograph, "2.jpg"], [mask]) == ({photograph: mask}, [])
+
+
 def test_the_mask_in_the_same_folder_comes_first(images):
     masks = ["masks/1.png", "masks/a/1.png", "masks/b/1.jpg.png"]
     fits, unused = found(images, ["a/1.jpg", "b/1.jpg"], masks)

@@ -4,7 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from styletrf.capture.photograph_names import distinct, photograph_names, stored_files
+from styletrf.capture.photograph_names import (
+    composed,
+    distinct,
+    photograph_names,
+    shortened,
+    stored_files,
+)
 
 PARTS = st.sampled_from(["a", "A", "b", "1", "a_1", "1_1", "1_2", "a_1_1", "a_1_1_2"])
 FILES = st.builds(
@@ -49,3 +55,28 @@ def test_a_folder_and_an_underscore_give_different_names():
 
 def test_a_number_is_none_that_another_name_has():
     assert distinct(["a", "a_2", "A", "a", "b"]) == ["a", "a_2", "A_3", "a_4", "b"]
+
+
+LONG = st.text("a1.é京", min_size=120, max_size=251).filter(lambda name: len(name.encode()) <= 251)
+
+
+@given(st.lists(st.lists(LONG, min_size=1, max_size=3), min_size=1, max_size=5))
+def test_names_of_long_files_and_folders_leave_room_for_suffixes_and_stay_apart(paths):
+    """Folders before the names of files made names that no file system takes."""
+    files = [Path("scene", *parts[:-1], f"{parts[-1]}.jpg") for parts in paths]
+    files = [Path("scene", str(k), *file.parts[1:]) for k, file in enumerate(files)]
+    stored = stored_files(files)
+    assert len(caseless(stored)) == len(files)
+    assert max(len(name.encode()) for name in stored) <= 210
+    assert all(name.endswith(".jpg") for name in stored)
+    assert all(len(name.encode()) < 231 for name in photograph_names(stored))
+
+
+@given(st.text(max_size=300))
+def test_a_shortened_name_is_the_end_of_the_name(name):
+    assert name.endswith(shortened(name))
+    assert (shortened(name) == name) == (len(name.encode()) <= 200)
+
+
+def test_a_name_reads_alike_however_its_accents_are_stored():
+    assert composed("cafe\u0301") == composed("caf\u00e9") == "caf\u00e9"

@@ -8,6 +8,7 @@ from expected_errors import rejects
 from made_photographs import encoded, texture
 
 from styletrf.capture.poses.pose_formats import find_given_poses
+from styletrf.capture.poses.transforms_frames import transforms_photographs
 from styletrf.capture.poses.transforms_json import read_transforms, transforms_cameras
 
 LENS = {"w": 60, "h": 40, "fl_x": 50.0, "cx": 30.0, "cy": 20.0}
@@ -124,6 +125,14 @@ def test_a_coefficient_that_is_not_read_is_refused(tmp_path, name):
         read_transforms(scene(tmp_path, **{name: 0.01}))
 
 
+@pytest.mark.parametrize("size", [{"w": 0}, {"h": 0}, {"w": -60}])
+def test_a_lens_of_no_size_is_refused(tmp_path, size):
+    path = scene(tmp_path, **size) / "transforms.json"
+    for read in (read_transforms, transforms_cameras):
+        with rejects(path, "lens"):
+            read(path.parent if read is read_transforms else path)
+
+
 def test_a_path_has_the_poses_of_any_lens(tmp_path):
     path = scene(tmp_path, k4=0.01) / "transforms.json"
     assert [view.file.name for view in transforms_cameras(path)] == ["1.png", "2.png", "3.png"]
@@ -160,3 +169,19 @@ def test_an_absolute_path_through_a_link_is_that_below_the_scene(tmp_path):
     linked = tmp_path / "data/walk"
     files = [view.file for view in read_transforms(linked).views]
     assert files == [linked / "1.png", linked / "2.png", linked / "3.png"]
+
+
+@pytest.mark.parametrize("length", [300, 5000])
+def test_a_photograph_by_a_name_too_long_for_a_file_is_missing(tmp_path, length):
+    """The command ended in a traceback."""
+    found = read_transforms(scene(tmp_path, ["1.png", "2.png", "3.png", "x" * length]))
+    assert [view.file.name for view in found.views] == ["1.png", "2.png", "3.png"]
+    assert found.missing == ("x" * length,)
+    assert len(transforms_photographs(tmp_path)) == 3
+
+
+def test_a_file_with_a_byte_order_mark_is_read_as_one_without(tmp_path):
+    lenses = [view.lens for view in read_transforms(scene(tmp_path)).views]
+    path = tmp_path / "transforms.json"
+    path.write_text(path.read_text(), encoding="utf-8-sig")
+    assert [view.lens for view in read_transforms(tmp_path).views] == lenses

@@ -1,4 +1,5 @@
 import os
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,47 @@ def test_a_file_of_a_scene_whose_path_is_not_utf8_is_refused(data, place):
         file.touch()
     with rejects(Path(place.replace(b"images/masks/", b"").decode(errors="replace")), "UTF-8"):
         scene_files(find_scene(data, "empty"))
+
+
+@pytest.mark.parametrize("find", [find_scene, find_style])
+def test_a_name_that_is_not_utf8_is_refused_before_its_folder_is_read(data, find):
+    """A page with the name could not be written at the end."""
+    name = os.fsdecode(b"caf\xe9")
+    for index in range(3):
+        file = data / "scenes" / name / f"images/{index}.jpg"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    with rejects("caf\ufffd", "UTF-8"):
+        find(data, name)
+
+
+def test_the_scenes_that_exist_are_listed_by_the_names_that_find_them(data):
+    """A folder with a dot in its name was listed without what is behind the dot."""
+    for file in ("house.2024/1.jpg", "house.2024/2.jpg", "house.2024/3.jpg", "walk.v2.mp4"):
+        (data / "scenes" / file).parent.mkdir(exist_ok=True)
+        (data / "scenes" / file).touch()
+    with pytest.raises(InputError) as refusal:
+        find_scene(data, "hause")
+    for name, found in (("house.2024", "house.2024"), ("walk.v2", "walk.v2.mp4")):
+        assert f" {name}" in refusal.value.problem
+        assert find_scene(data, name) == data / "scenes" / found
+
+
+def test_a_video_is_found_by_its_name_with_or_without_its_suffix(data):
+    """It was counted twice, as the video of a folder and as the one beside it."""
+    (data / "scenes/walk.mp4").touch()
+    assert find_scene(data, "walk.mp4") == find_scene(data, "walk") == data / "scenes/walk.mp4"
+    assert skipped_photographs(data, "walk.mp4") == skipped_videos(data, "walk.mp4") == []
+
+
+def test_a_scene_called_images_is_refused(data):
+    """The poses and masks of all scenes were taken for its own."""
+    for index in range(3):
+        file = data / f"scenes/images/{index}.jpg"
+        file.parent.mkdir(exist_ok=True)
+        file.touch()
+    with rejects("'images'", "folder", remedy=["Rename"]):
+        find_scene(data, "images")
 
 
 def test_photographs_may_lie_in_the_scenes_own_folder(data):
@@ -207,6 +249,47 @@ def test_a_text_file_is_no_style(data):
 def test_two_images_of_one_name_are_not_guessed_between(data):
     with rejects("both", "both.jpg, both.png"):
         find_style(data, "both")
+
+
+def test_names_are_found_however_their_accents_are_stored(tmp_path):
+    """macOS stores an accent apart from its letter, and keyboards type both as one."""
+    stored, typed = (unicodedata.normalize(form, "\xe9t\xe9") for form in ("NFD", "NFC"))
+    files = [tmp_path / f"scenes/{stored}/images/{k}.jpg" for k in range(3)]
+    for file in (*files, tmp_path / f"scenes/2{stored}.mp4", tmp_path / f"styles/{stored}.png"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    assert find_scene(tmp_path, typed) == files[0].parent
+    assert find_scene(tmp_path, f"2{typed}") == tmp_path / f"scenes/2{stored}.mp4"
+    for name in (typed, stored, f"{typed}.png"):
+        assert find_style(tmp_path, name) == tmp_path / f"styles/{stored}.png"
+
+
+def test_of_names_that_differ_in_stored_accents_only_the_typed_one_is_meant(tmp_path):
+    """No name led to any: each was that of several files."""
+    for form in ("NFC", "NFD"):
+        name = unicodedata.normalize(form, "\xe9t\xe9")
+        for file in (f"styles/{name}.png", f"scenes/{name}.mp4"):
+            (tmp_path / file).parent.mkdir(exist_ok=True)
+            (tmp_path / file).touch()
+    for form in ("NFC", "NFD"):
+        name = unicodedata.normalize(form, "\xe9t\xe9")
+        assert find_scene(tmp_path, name) == tmp_path / f"scenes/{name}.mp4"
+        for typed in (name, f"{name}.png"):
+            assert find_style(tmp_path, typed) == tmp_path / f"styles/{name}.png"
+
+
+def test_a_scene_that_has_the_typed_name_is_found_without_a_look_at_others(data, monkeypatch):
+    for name in "123":
+        (data / f"scenes/garden9/images/{name}.jpg").touch()
+    looked_at, is_dir = [], Path.is_dir
+
+    def noted(path, **options):
+        looked_at.append(path)
+        return is_dir(path, **options)
+
+    monkeypatch.setattr(Path, "is_dir", noted)
+    find_scene(data, "garden9")
+    assert not {data / "scenes/garden10", data / "scenes/empty"} & set(looked_at)
 
 
 def test_no_data_at_all_is_an_error(tmp_path):

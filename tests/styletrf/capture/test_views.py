@@ -1,12 +1,15 @@
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from styletrf.capture.poses.given_poses import GivenView, Lens
 from styletrf.capture.views import (
     FEW_VIEWS,
     HOLD_OUT_EVERY,
+    held_out_names,
     places_of,
     split_sources,
     split_views,
@@ -74,3 +77,19 @@ def test_places_of_many_views_take_memory_that_grows_with_their_number():
         return peak
 
     assert peak_bytes(800) < 5 * peak_bytes(200)  # and not 16 times
+
+
+@given(st.integers(3, 30), st.integers(1, 29), st.integers(0, 29))
+def test_a_published_split_is_kept_as_far_as_its_views_are_placed(total, tested, placed):
+    """Where none was, nothing was held out, and measures failed after the whole fit."""
+    poses = [np.eye(3, 4)] * total
+    lens = Lens("PINHOLE", (4.0, 4.0, 2.0, 1.5), 4, 3)
+    views = {
+        str(k): GivenView(Path(str(k)), lens, pose, held_out=k < tested)
+        for k, pose in enumerate(poses)
+    }
+    cameras = [Camera(name, 4, 3, 4.0, 4.0, 2.0, 1.5, np.eye(3, 4)) for name in views]
+    cameras = cameras[min(placed, total - 3) :]
+    published = {camera.name for camera in cameras if int(camera.name) < tested}
+    usual = {cameras[row].name for row in split_views(len(cameras))[1]}
+    assert held_out_names(cameras, views) == (published or usual)

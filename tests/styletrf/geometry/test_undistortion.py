@@ -73,6 +73,21 @@ def test_a_lens_that_bends_lines_and_whose_axis_misses_the_photograph_is_refused
         pinhole_for(bent, "a", POSE)
 
 
+@pytest.mark.parametrize("wrong", [0.0, -50.0, np.inf, np.nan])
+def test_a_lens_without_a_positive_focal_length_is_refused(wrong):
+    for params in ([wrong, 50, 32, 24], [50, wrong, 32, 24]):
+        bent = pycolmap.Camera(model="PINHOLE", width=64, height=48, params=params)
+        with rejects("photograph a", "PINHOLE"):
+            pinhole_for(bent, "a", POSE)
+
+
+@pytest.mark.parametrize(("width", "height"), [(0, 0), (0, 48), (64, 0)])
+def test_a_lens_of_no_size_is_refused(width, height):
+    """The search for a zoom did not end."""
+    with rejects("photograph a", f"{width}x{height}"):
+        pinhole_for(lens(0.0, width, height), "a", POSE)
+
+
 def test_a_lens_of_a_panorama_is_refused():
     panorama = pycolmap.Camera(model="EQUIRECTANGULAR", width=64, height=32, params=[])
     with rejects("photograph a", "EQUIRECTANGULAR"):

@@ -89,6 +89,17 @@ def test_a_capture_of_which_most_is_left_out_is_not_matched_all_with_all(tmp_pat
     assert mapping.registered == 6
 
 
+def test_bursts_of_more_photographs_than_neighbors_are_joined(tmp_path):
+    """Each photograph shares the most with those of its own burst: no other was ever tried."""
+    beside = np.random.default_rng(2).uniform(-0.1, 0.1, (2, 2 * OVERLAP + 4, 3))
+    places = np.array([[0, 0, 0], [1.5, 0.1, 0]])
+    centers = (places[:, None] + beside).reshape(-1, 3)
+    database, images = walked(tmp_path, centers, points=400)
+    count = len(centers)
+    mapping = mapped(database, images, named([f"{k**2}" for k in range(count)]), 3, 100)
+    assert mapping.registered == count
+
+
 @pytest.mark.parametrize(("count", "times"), [(STRONGER_UP_TO, 1), (STRONGER_UP_TO + 1, 0)])
 def test_stronger_features_are_not_awaited_for_many_photographs(tmp_path, count, times):
     elsewhere = np.column_stack([np.zeros(count), 90.0 + np.arange(count), np.zeros(count)])

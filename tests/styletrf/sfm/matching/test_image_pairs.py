@@ -10,6 +10,7 @@ from styletrf.sfm.matching.image_pairs import (
     pairs_along,
     pairs_with,
     pairs_within,
+    pieces,
     sequence_pairs,
     shots,
 )
@@ -101,3 +102,19 @@ def test_views_of_panoramas_follow_those_of_their_direction():
         for way in ("front", "up")
     ]
     assert shots(views) == [[0, 2, 4], [1, 3, 5]]
+
+
+@settings(deadline=None)
+@given(counts, st.data())
+def test_photographs_have_one_piece_if_links_connect_them(count, data):
+    every = all_pairs(count)
+    links = data.draw(st.lists(st.sampled_from(every), max_size=60)) if every else []
+    piece = pieces(count, links)
+    assert all(piece[i] == piece[j] for i, j in links)
+    connected = [{k} for k in range(count)]
+    for i, j in links:
+        one, other = (next(group for group in connected if k in group) for k in (i, j))
+        if one is not other:
+            connected.remove(other)
+            one |= other
+    assert piece == [min(group) for k in range(count) for group in connected if k in group]

@@ -1,0 +1,1 @@
+"""Conversions between the colors of files and those of this project, sRGB."""
