@@ -111,7 +111,8 @@ def _cut(ordered: TensorVM, cuts: Sequence[int]) -> TensorVM:
 def crop_to_occupied(field: RadianceField) -> None:
     """Crops the lattice to the occupied voxels, and sets the field's new bounds.
 
-    About them stay 2 to 3 lattice points at the lower ends, and 1 to 2 at the upper ones.
+    About them stay 2 to 3 lattice points at the lower ends, and 1 to 2 at the upper ones. Renders
+    keep their colors, and depths but those of faint pixels: see `styletrf.field.rendering`.
     """
     occupied = field.density.occupancy
     resolution, lower, upper = field.resolution, [], []

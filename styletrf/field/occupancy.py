@@ -61,6 +61,14 @@ def without(
     return occupied & (cells[0, 0] == 0)
 
 
+def remaining(
+    occupied: UInt8[Tensor, "x y z"], former: UInt8[Tensor, "u v w"]
+) -> UInt8[Tensor, "x y z"]:
+    """Returns the occupancy but for the voxels that meet no occupied one of a former occupancy."""
+    kept = functional.adaptive_max_pool3d(former[None].float(), tuple(occupied.shape))
+    return non_empty((occupied & kept[0].byte()).bool())
+
+
 def voxels_along(resolution: Sequence[int]) -> list[int]:
     """Returns the voxels along each axis for a density's lattice points."""
     return [max(2, round(n * VOXELS_PER_LATTICE_POINT)) for n in resolution]

@@ -50,7 +50,8 @@ class Rendering:
 
     The depth is that of the mean position along the ray's grid segment, its clear part counted at
     the far end, unless the ray was ended there for being opaque; in NDC that averages disparity, so
-    a little fog before infinity does not spoil it.
+    a little fog before something far does not spoil it. The segment ends at the bounds of the
+    field: those of a finished one end with its matter, and so faint pixels are no farther than it.
     Where nothing is hit (an opacity below 1e-3) it is infinite. The median depth is where the
     transmittance falls to one half, infinite where it never does: it lies on one of two surfaces
     that share a pixel, where the mean lies between them. The surface depth is the median depth, and

@@ -12,6 +12,8 @@ the parts beyond the box lie apart in the grid: where two of them meet a ray lea
 homogeneous w is 1 or +-y_j: the map of a point is the one with the largest.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 
@@ -53,14 +55,21 @@ def contraction(reach: float) -> Float[np.ndarray, "7 4 4"]:
     return np.stack(maps)
 
 
-def octaves_lost(scene: UprightCapture, voxels: int) -> dict[str, float]:
-    """Returns by how much a lattice of so many voxels is coarser than the photographs, per space.
+def octaves_lost(scene: UprightCapture, voxels_in: Callable[[str], int]) -> dict[str, float]:
+    """Returns by how much a lattice is coarser than the photographs, per space.
 
     This is the mean, over all points that a view may see, of log2 of the lattice's spacing there
     over the pixel's footprint, where it is coarser; a point outside the box counts as LOST.
+
+    Args:
+        scene: The photographs' cameras and points.
+        voxels_in: Returns the voxels of the lattice in a space of a kind.
     """
-    box, inner = whole_box(scene), inner_box(scene)
-    return {"box": _lost(scene, box, voxels), "unbounded": _lost_around(scene, inner, voxels)}
+    box, unbounded = voxels_in("box"), voxels_in("unbounded")
+    return {
+        "box": _lost(scene, whole_box(scene), box),
+        "unbounded": _lost_around(scene, inner_box(scene), unbounded),
+    }
 
 
 def inner_box(scene: UprightCapture) -> Extent:

@@ -2,6 +2,7 @@
 
 A photograph that shows points in a tile of its image sees through all that lies well before the
 nearest of them, there and in the tiles around it. Space that two photographs see through is free.
+The views of one panorama count as one photograph, because they see all from one place.
 Tiles without points say nothing: a white wall has no points either.
 
 This keeps fog from growing right before cameras that stand in the grid. In NDC no camera does, and
@@ -14,6 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from styletrf.capture.views import places_of
 from styletrf.geometry.cameras import Camera, in_view
 from styletrf.geometry.point_table import SparsePoints
 from styletrf.scene.placement import transformed
@@ -34,9 +36,13 @@ def free_space(
     centers = model.space.cell_centers(CELLS)
     normalized = transformed(model.normalized_from_world, points.xyz_world)
     witnesses = np.zeros(len(centers), np.int32)
-    for k, camera in enumerate(model.normalized(cameras)):
-        seen = normalized[points.observed_point[points.observed_image == k]]
-        witnesses += _sees_through(camera, centers, _clear_depths(camera, seen))
+    views, places = model.normalized(cameras), np.array(places_of(cameras))
+    for place in np.unique(places):
+        is_clear = np.zeros(len(centers), bool)
+        for k in np.flatnonzero(places == place):
+            seen = normalized[points.observed_point[points.observed_image == k]]
+            is_clear |= _sees_through(views[k], centers, _clear_depths(views[k], seen))
+        witnesses += is_clear
     return (witnesses >= _WITNESSES).reshape(CELLS, CELLS, CELLS)
 
 

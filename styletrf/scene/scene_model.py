@@ -177,7 +177,7 @@ def _placed(
         placement = place_in_ndc(cameras, points_world, config.image_long_side, config.oversampling)
     else:
         scene = upright_capture(cameras, points_world, config.image_long_side)
-        lost = octaves_lost(scene, config.max_voxels)
+        lost = octaves_lost(scene, config.bound)
         is_as_fine = lost["box"] > FINE_ENOUGH and lost["unbounded"] < lost["box"] + MOST_LOSS
         needed = explained.by_box < BOX_EXPLAINS or (is_as_fine and not explained.is_cut_out)
         evidence |= {"octaves_lost": lost, "fine_enough": FINE_ENOUGH, "most_loss": MOST_LOSS}

@@ -1,8 +1,9 @@
 """The state of a fit as a checkpoint, from which a killed fit continues to the same parameters."""
 
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
@@ -69,16 +70,21 @@ def save_fit(folder: Path, trainer: "FieldTrainer") -> None:
 
 
 def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
-    """Restores the checkpoint in `folder`, if there is one."""
+    """Restores the checkpoint in `folder`, if there is one of this version.
+
+    The trainer stays as it is where there is no checkpoint, or one that is damaged or of another
+    version: the fit then starts over, and a warning says why.
+    """
     checkpoint = load_checkpoint(folder, trainer.images.device)
     if checkpoint is None:
         return
     tensors, numbers = checkpoint
-    if "fit" not in numbers:
-        warn_of_unreadable(folder, "an earlier version wrote it")
+    try:
+        state, averaged = _state_of(numbers["fit"]), numbers["averaged"]
+        _require_tensors(tensors, trainer)
+    except (KeyError, TypeError):
+        warn_of_unreadable(folder, "another version wrote it")
         return
-    curve = [FieldCurvePoint(**point) for point in numbers["fit"].pop("curve")]
-    state = FitState(**numbers["fit"], curve=curve)
     trainer.state.iteration = state.stage_start
     trainer.field.upsample(
         [tensors[f"field.density.factors.lines.{k}"].shape[0] for k in (2, 1, 0)]
@@ -89,9 +95,26 @@ def restore_fit(folder: Path, trainer: "FieldTrainer") -> None:
     trainer.field.load_state_dict(parameters)
     restore_optimizer(trainer.optimizer, tensors)
     trainer.average.mean = _without_prefix("average.", tensors)
-    trainer.average.count = numbers["averaged"]
+    trainer.average.count = averaged
     trainer.generator.set_state(tensors["generator"].cpu())
     trainer.state = state
+
+
+def _state_of(values: Mapping[str, Any]) -> FitState:
+    """Returns the state that `asdict` wrote; raises KeyError or TypeError if it is another's."""
+    if set(values) != {each.name for each in fields(FitState)}:
+        raise KeyError("fit")
+    curve = [FieldCurvePoint(**point) for point in values["curve"]]
+    return FitState(**{**values, "curve": curve})
+
+
+def _require_tensors(tensors: Mapping[str, Tensor], trainer: "FieldTrainer") -> None:
+    """Raises KeyError if the tensors are those of another field; its lattice may be finer."""
+    expected = {f"field.{name}" for name in trainer.field.state_dict()}
+    if expected != {name for name in tensors if name.startswith("field.")}:
+        raise KeyError("field")
+    if "generator" not in tensors:
+        raise KeyError("generator")
 
 
 def _without_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from styletrf.configuration import require_at_least, require_within
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.field.field_config import FieldConfig
 
 
@@ -48,6 +48,7 @@ class FieldTrainingConfig:
     def __post_init__(self) -> None:
         if not all(0 < fraction < 1 for fraction in self.upsample_at):
             raise ValueError(f"upsample_at is {self.upsample_at}, not fractions of the iterations")
+        require_within(SEEDS, self, "seed")
         require_within("[0, 1]", self, "average_share")
         require_within("(0, 1]", self, "rate_decay")
         require_within("[0, 1)", self, "min_weight", "termination", "occupancy_alpha")

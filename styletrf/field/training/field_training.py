@@ -32,7 +32,8 @@ def train_field(
     """Returns the field that fills the volume and is fitted to the views, and its training curve.
 
     With a `checkpoint_dir`, the state is saved there about once a minute. A later call with the
-    same arguments continues from it, to the same parameters up to the rounding of sums.
+    same arguments continues from it, to the same parameters up to the rounding of sums; a fit of
+    other views or settings needs another folder.
     The fit is shorter where its validation views no longer improve, and longer where they improve
     fast (`styletrf.field.training.validation_views`).
 

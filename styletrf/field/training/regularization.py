@@ -20,8 +20,8 @@ def add_regularization_gradient(
         field: The field whose factors have gradients.
         config: The weights.
         iteration: The number of the iteration, from 0 on.
-        n_views: The number of photographs; where they are few, smoothness fills the parts that few
-            see.
+        n_views: The number of photographs, or of views cut from panoramas; where they are few,
+            smoothness fills the parts that few see.
     """
     every = config.tv_every
     if iteration % every:

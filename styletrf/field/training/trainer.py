@@ -22,7 +22,7 @@ from torch import Tensor
 from styletrf.capture.view_images import view_images
 from styletrf.errors import NotFiniteError
 from styletrf.field.kernels import Kernels, RaySegments, Samples, Sparsification
-from styletrf.field.occupancy import initial_occupancy, non_empty, occupied_voxels
+from styletrf.field.occupancy import initial_occupancy, occupied_voxels, remaining
 from styletrf.field.pixel_rays import pixel_rays
 from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_color, render_rays
@@ -237,9 +237,7 @@ class FieldTrainer:
             density, self.kernels, self.field.step_length, config.occupancy_alpha,
             settled=settled, free=self.free,
         )  # fmt: skip
-        if settled and found.shape == density.occupancy.shape:
-            found = non_empty((found & density.occupancy).bool())
-        set_occupancy(density, found)
+        set_occupancy(density, remaining(found, density.occupancy) if settled else found)
 
     def _require_finite_iteration(
         self, segments: RaySegments, samples: Samples, color: Tensor, loss: Tensor

@@ -14,7 +14,7 @@ from torch import Tensor
 from styletrf.geometry.cameras import Camera
 from styletrf.scene.exposures import MIDDLE, Exposure
 
-_DARKEST = 1 / 512  # a power has no gradient at 0
+_DARKEST = 1 / 512  # a power has no finite gradient at 0
 _SATURATED = 1 - 1 / 512
 
 
@@ -33,7 +33,7 @@ class ViewExposures:
     ) -> Float[Tensor, "rays 3"]:
         """Returns MIDDLE (color / MIDDLE)^power gain, at most 1 where the photograph is saturated.
 
-        Differentiable in the color.
+        Differentiable in the color; below _DARKEST the curve continues as the line to black.
 
         Args:
             color: The colors of the field, in [0, 1].
@@ -42,6 +42,7 @@ class ViewExposures:
         """
         scaled = color.clamp(min=_DARKEST) / MIDDLE
         exposed = MIDDLE * self.log_gain[view].exp() * scaled ** self.power[view]
+        exposed = exposed * (color / _DARKEST).clamp(max=1)
         return torch.where(photographed < _SATURATED, exposed, exposed.clamp(max=1))
 
 

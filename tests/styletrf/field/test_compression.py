@@ -1,4 +1,4 @@
-"""A smaller field shows the same: cropping changes nothing, dropping no more than is allowed."""
+"""A smaller field shows the same: cropping changes no color, dropping no more than is allowed."""
 
 import copy
 import math

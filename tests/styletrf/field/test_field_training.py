@@ -1,8 +1,11 @@
 """Fitting: it learns, resumes exactly, and stops at what is not finite."""
 
+import copy
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
-from styletrf.field.training.checkpoint import save_fit
+from styletrf.field.training.checkpoint import FieldCurvePoint, FitState, restore_fit, save_fit
 from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.field_training import train_field
 from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
@@ -24,7 +27,7 @@ from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.schedule import stage_resolution
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
-from styletrf.files.checkpoints import load_checkpoint
+from styletrf.files.checkpoints import load_checkpoint, save_checkpoint
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 
@@ -172,6 +175,56 @@ def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
         assert torch.equal(tensor, whole[name]), name
 
 
+@pytest.mark.parametrize(
+    "change",
+    ["a number more", "a number less", "a default less", "another curve", "no fit", "null fit"],
+)
+def test_a_checkpoint_of_another_version_counts_as_none_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, change: str
+):
+    """It ended the fit in a traceback."""
+    state = FitState(10, 5, 0, curve=[FieldCurvePoint(1, 1.0, 1.0, 1, 1.0, 1.0)])
+    fit_numbers = asdict(state)
+    if change == "a number more":
+        fit_numbers["other"] = 1
+    elif change == "a number less":
+        del fit_numbers["next_member"]
+    elif change == "a default less":
+        del fit_numbers["seconds"]
+    elif change == "another curve":
+        del fit_numbers["curve"][0]["psnr"]
+    numbers: dict[str, Any] = {} if change == "no fit" else {"fit": fit_numbers}
+    if change == "null fit":
+        numbers["fit"] = None
+    save_checkpoint(tmp_path, {"field": torch.zeros(1)}, numbers | {"averaged": 0})
+    untouched: Any = SimpleNamespace(images=torch.zeros(1))  # all that is needed to load one
+    restore_fit(tmp_path, untouched)
+    assert [str(tmp_path) in message for message in caplog.messages] == [True]
+
+
+@pytest.mark.parametrize("change", ["a tensor more", "a tensor less", "no generator"])
+def test_a_checkpoint_with_tensors_of_another_version_counts_as_none_with_a_warning(
+    scene, tmp_path: Path, caplog: pytest.LogCaptureFixture, change: str
+):
+    """It ended the fit in a traceback, once the grid had grown and the optimizer was new."""
+    trainers = [FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS) for _ in range(2)]
+    trainers[0].step()
+    save_fit(tmp_path, trainers[0])
+    tensors, numbers = load_checkpoint(tmp_path, CPU)
+    if change == "a tensor more":
+        tensors["field.other"] = torch.zeros(1)
+    else:
+        del tensors["generator" if change == "no generator" else "field.appearance.background"]
+    save_checkpoint(tmp_path, tensors, numbers)
+    restored, untouched = trainers[1], copy.deepcopy(trainers[1].state)
+    before = (restored.optimizer, restored.average, restored.generator.get_state())
+    restore_fit(tmp_path, restored)
+    assert [str(tmp_path) in message for message in caplog.messages] == [True]
+    assert restored.state == untouched
+    assert (restored.optimizer, restored.average) == before[:2]
+    assert torch.equal(restored.generator.get_state(), before[2])
+
+
 def test_what_is_not_finite_stops_the_training(scene):
     config = replace(CONFIG, factor_rate=1e30, network_rate=1e30, iterations=20)
     with stops("field training", "density", "at iteration 1"):
@@ -296,17 +349,19 @@ def test_one_view_and_a_white_scene_stay_finite(scene):
     assert all(torch.isfinite(p).all() for p in field.parameters())
 
 
-def test_a_settled_occupancy_holds_nothing_that_rays_passed_over(scene):
+@pytest.mark.parametrize("coarser", [1, 2])
+def test_a_settled_occupancy_holds_nothing_that_rays_passed_over(scene, coarser):
     """Its density was not fitted: lego lost 0.4 dB by what came back."""
     config = replace(CONFIG, iterations=50, upsample_at=())
     trainer = FieldTrainer(scene.views(), scene.volume, config, KERNELS)
     trainer.refresh_occupancy()
-    passed_over = trainer.field.density.occupancy.clone()
+    passed_over = trainer.field.density.occupancy[::coarser, ::coarser, ::coarser].clone()
     passed_over[: len(passed_over) // 2] = 0
     set_occupancy(trainer.field.density, passed_over)
     trainer.refresh_occupancy(settled=True)
-    assert trainer.field.density.occupancy.any()
-    assert not trainer.field.density.occupancy[: len(passed_over) // 2].any()
+    settled = trainer.field.density.occupancy
+    assert settled.any()
+    assert not settled[: coarser * (len(passed_over) // 2)].any()
 
 
 def mean_depth_loss(field: RadianceField, scene: MiniScene, depths: ObservedDepths) -> float:

@@ -5,7 +5,7 @@ import torch
 
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
-from styletrf.field.occupancy import occupied_voxels, without
+from styletrf.field.occupancy import occupied_voxels, remaining, without
 from styletrf.field.radiance_field import Density
 
 KERNELS = kernels_for(torch.device("cpu"))
@@ -50,6 +50,14 @@ def test_where_nothing_is_everything_counts_as_occupied():
 def test_a_lattice_of_one_point_has_an_occupancy():
     density = Density(FieldConfig((1, 1, 1), (1, 1, 1)), (1, 1, 1))
     assert occupied_voxels(density, KERNELS, 0.1, 0.01).shape == (2, 2, 2)
+
+
+@pytest.mark.parametrize("voxels", [2, 3, 6, 7, 12, 20])
+def test_a_voxel_remains_where_it_meets_one_of_a_former_grid_of_any_size(voxels):
+    former = (torch.rand(6, 2, 4, generator=torch.Generator().manual_seed(0)) > 0.7).byte()
+    parts = former.repeat_interleave(voxels, dim=0).unflatten(0, (voxels, 6))
+    expected = parts.amax(dim=1)
+    assert torch.equal(remaining(torch.ones_like(expected), former), expected)
 
 
 @pytest.mark.parametrize("voxels", [40, 64, 112])

@@ -36,18 +36,30 @@ def test_saturated_pixels_say_only_that_it_is_at_least_so_bright():
     assert (EXPOSURES.shown(color, view, 0.9 * white)[:, 0] > 1).all()
 
 
-def test_gradients_of_the_shown_colors_are_those_of_finite_differences():
+@pytest.mark.parametrize(("least", "most"), [(0.1, 1.1), (1e-5, 1.9e-3)])
+def test_gradients_of_the_shown_colors_are_those_of_finite_differences(least, most):
+    """Also of colors that are nearly black."""
     exposures = ViewExposures(LOG_GAIN.double(), POWER.double())
     drawn = torch.rand((4, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    color = drawn.add(0.1).requires_grad_()
+    color = drawn.mul(most - least).add(least).requires_grad_()
     view, dark = torch.tensor([0, 1, 0, 1]), torch.zeros(4, 3)
     assert torch.autograd.gradcheck(lambda c: exposures.shown(c, view, dark), color)
 
 
-def test_black_has_a_finite_gradient():
+def test_black_has_a_finite_gradient_by_which_it_can_become_brighter():
     color = torch.zeros((1, 3), requires_grad=True)
     EXPOSURES.shown(color, torch.zeros(1, dtype=torch.long), torch.zeros(1, 3)).sum().backward()
     assert torch.isfinite(color.grad).all()
+    assert (color.grad > 0).all()
+
+
+def test_brighter_colors_are_shown_brighter_without_a_leap_from_black_on():
+    color = torch.linspace(0, 0.01, 1000, dtype=torch.float64)[:, None].expand(-1, 3)
+    shown = EXPOSURES.shown(color, torch.zeros(1000, dtype=torch.long), torch.zeros(1000, 3))
+    steps = shown.diff(dim=0)
+    assert (shown[0] == 0).all()
+    assert (steps > 0).all()
+    assert (steps < 2 * steps[0]).all()
 
 
 def test_views_have_the_exposures_of_their_names():

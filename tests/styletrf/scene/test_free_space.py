@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from captures import forward_cameras, orbit_cameras, points_before, points_of, room, seen, walk
+from captures import (
+    GRAVITY,
+    forward_cameras,
+    looking,
+    orbit_cameras,
+    points_before,
+    points_of,
+    room,
+    seen,
+    walk,
+)
 
 from styletrf.scene.free_space import CELLS, free_space
 from styletrf.scene.scene_model import SceneModelConfig, decide_scene_model
@@ -37,6 +47,18 @@ def test_what_one_photograph_alone_looks_through_and_what_none_shows_may_be_anyt
     model = decide_scene_model(cameras, points, SceneModelConfig(space="box"))
     tracks = seen(cameras[:1], points)
     assert not free_space(model, cameras, tracks).any()
+
+
+@pytest.mark.parametrize(("apart", "is_any_free"), [(0.0, False), (0.2, True)])
+def test_two_views_prove_space_free_only_from_two_places(apart, is_any_free):
+    """Both views of a panorama are deceived by the same point that lies too far."""
+    cameras, points = CAPTURES["room"]()
+    model = decide_scene_model(cameras, points, SceneModelConfig(space="box"))
+    center, ahead = cameras[0].center_world, cameras[0].forward_world
+    aside = np.cross(ahead, GRAVITY)
+    moved = center + apart * aside
+    views = [looking(center, center + ahead), looking(moved, moved + ahead + 0.3 * aside)]
+    assert free_space(model, views, seen(views, points)).any() == is_any_free
 
 
 def test_a_frustum_begins_before_all_cameras_and_nothing_of_it_is_taken_for_free():

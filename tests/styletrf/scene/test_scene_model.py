@@ -53,6 +53,19 @@ def test_a_space_that_is_set_is_that_of_the_scene_model(kind):
     assert model.evidence["space"]["by"] == "setting"
 
 
+def test_a_space_is_chosen_by_the_voxels_that_each_may_have():
+    cameras = orbit_cameras()
+
+    def octaves_lost(**bounds):
+        model = decide_scene_model(cameras, points_before(cameras), SceneModelConfig(**bounds))
+        return model.evidence["space"]["octaves_lost"]
+
+    few, many = octaves_lost(max_voxels=16**3), octaves_lost(max_voxels=32**3)
+    assert many["box"] < few["box"]
+    fewer_in_a_box = octaves_lost(max_voxels=32**3, max_box_voxels=16**3)
+    assert fewer_in_a_box == {"box": few["box"], "unbounded": many["unbounded"]}
+
+
 @pytest.mark.parametrize("kind", ["ndc", "box", "unbounded"])
 def test_a_scene_model_does_not_depend_on_the_order_of_photographs(kind):
     """A small photograph made the lattice half as fine where its name came first."""
