@@ -17,7 +17,7 @@ from styletrf.trajectory.trajectory_config import TrajectoryConfig
 class TimedPath:
     """Key frames in the normalized world, and when the camera is at each.
 
-    Without `times_s` the camera moves at an even speed.
+    `times_s` begin at 0. Without them the camera moves at an even speed.
     """
 
     poses: Poses
@@ -27,8 +27,12 @@ class TimedPath:
 
 
 def timed(keys: KeyFrames, poses: Poses) -> TimedPath:
-    """Returns the path through placed key frames."""
+    """Returns the path through placed key frames; it waits at the first one until its time."""
     times = tuple(frame.time_s for frame in keys.frames if frame.time_s is not None)
+    if times and times[0] > 0:
+        values = (poses.centers, poses.quaternions, poses.focals)
+        poses = Poses(*(np.concatenate([of_all[:1], of_all]) for of_all in values))
+        times = (0.0, *times)
     return TimedPath(poses, keys.closed, keys.easing, times)
 
 
@@ -47,10 +51,10 @@ def frames_along(
         frames_per_second: The rate of the video.
     """
     times = np.array(path.times_s)
-    curve = curve_through(path.poses, closed=path.closed, times_s=times if len(times) else None)
+    curve = curve_through(path.poses, closed=path.closed)
     if len(times) > 1:
-        count = config.count(frames_per_second, times[-1] - times[0])
-        poses = curve.at(np.linspace(times[0], times[-1], count))
+        count = config.count(frames_per_second, times[-1])
+        poses = curve.at_times(np.linspace(0, times[-1], count), times)
     else:
         count = config.count(frames_per_second)
         time = np.arange(count) / (count if path.closed else max(count - 1, 1))

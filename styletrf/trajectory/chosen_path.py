@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
 
+import numpy as np
+
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.lenses import at_size
 from styletrf.geometry.typical_view import typical_view
@@ -17,6 +19,8 @@ from styletrf.trajectory.stills import stills
 from styletrf.trajectory.support import Support
 from styletrf.trajectory.supported_path import SupportedPath, supported_fly_through
 
+_ONE_PLACE = 1e-6  # in the normalized world
+
 
 def default_path(
     cameras: Sequence[Camera], model: SceneModel, config: FramesConfig,
@@ -24,9 +28,9 @@ def default_path(
 ) -> SupportedPath:  # fmt: skip
     """Returns the widest fly-through that the photographs support, or stills.
 
-    It returns stills in two cases. The photographs contain no depth, or too few photographs see
-    much of even the narrowest fly-through. If the user set an angle of view, the second case does
-    not apply.
+    It returns stills in two cases. The photographs contain no depth, as those of one place, or too
+    few photographs see much of even the narrowest fly-through. If the user set an angle of view,
+    the second case does not apply.
 
     Args:
         cameras: The photographs', in the normalized world.
@@ -38,7 +42,8 @@ def default_path(
     n_frames = config.trajectory.count(config.frames_per_second)
     trajectory = replace(config.trajectory, frames=n_frames)
     reason, found = "the photographs tell no depth", None
-    if has_parallax:
+    centers = np.stack([camera.center_world for camera in cameras])
+    if has_parallax and np.ptp(centers, axis=0).max() > _ONE_PLACE:
         found = supported_fly_through(cameras, model, trajectory, measure, config.support)
         if found.support.fraction < config.support.least_for_stills or trajectory.fov_deg:
             return found

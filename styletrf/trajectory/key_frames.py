@@ -38,8 +38,8 @@ class KeyFrame:
 
     `orientation` is a quaternion `w x y z` that turns the camera's axes (x right, y down, z ahead)
     into the world's. `fov_deg` is the angle of view along the longer side of the frame, None for
-    that of the photographs; `time_s`, up to 600, counts from the beginning of the path, None for
-    even speed.
+    that of the photographs; `time_s`, up to 600, counts from the beginning of the path, where the
+    camera waits at the first key frame until its time; None is for even speed.
     """
 
     photograph: str = ""
@@ -71,13 +71,12 @@ class KeyFrames:
 
     @property
     def seconds(self) -> float:
-        """The time from the first key frame to the last one; 0 without times."""
-        times = [frame.time_s for frame in self.frames if frame.time_s is not None]
-        return times[-1] - times[0] if times else 0.0
+        """The time of the last key frame; 0 without times."""
+        return self.frames[-1].time_s or 0.0
 
 
 def seconds_of_file(path: Path) -> float:
-    """Returns the time from the first key frame in a file to the last one, in seconds.
+    """Returns the time of the last key frame in a file, in seconds.
 
     It is 0 if the file has no times, and if it is no path, which `path_files.read_path` reports.
     """

@@ -17,11 +17,12 @@ from styletrf.trajectory.camera_curve import Poses
 from styletrf.trajectory.camera_ring import ring_of
 from styletrf.trajectory.trajectories import ellipse, facing, looking, orbit
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
-from styletrf.trajectory.walkthrough import gaussian_weights, is_closed, looks_all_around, onwards
+from styletrf.trajectory.walkthrough import is_closed, looks_all_around, onwards, weights_between
 
 PathName = Literal["orbit", "spiral", "dolly", "photographs"]
 
-_KEYS = 96  # of a path that is given in closed form
+_KEYS = 96  # of a path that is given in closed form, at least
+_KEYS_OF_TURN = 24
 _TURNS = 2.0  # of a spiral, at least: one is an orbit
 _ADVANCE = 0.5  # of the way to the focus, that a dolly goes at a spread of 1
 
@@ -43,8 +44,8 @@ def named_path(
     - spiral: before a forward-facing scene an ellipse of two turns or more, once to and fro;
       around another as many turns up and down.
     - dolly: straight ahead from the photograph that looks most as all do, towards the focus.
-    - photographs: the way of the photographs in their own order, smoothed. Of panoramas, whose
-      views look all around, the way looks ahead.
+    - photographs: the way of the photographs in their own order, smoothed. Where their views look
+      all around, as those of panoramas, the way looks ahead.
 
     Args:
         name: The name of the path.
@@ -52,17 +53,17 @@ def named_path(
         model: The model of the scene: its focus, and how the photographers looked.
         config: The spread, turns and stabilization of the path.
     """
-    fractions = np.arange(_KEYS) / _KEYS
     if name == "photographs":
-        if looks_all_around(cameras):
-            cameras = facing(*onwards(cameras), typical_view(cameras))
+        if looks_all_around(cameras, config.stabilization):
+            way = onwards(cameras, config.stabilization)
+            cameras = facing(*way, typical_view(cameras))
         return _through_photographs(cameras, config.stabilization)
     if name == "dolly":
         return NamedPath(_dolly(cameras, model, config.spread), closed=False)
     if name == "orbit":
-        centers = orbit(cameras, model, fractions, config.spread)
+        centers = orbit(cameras, model, np.arange(_KEYS) / _KEYS, config.spread)
     else:
-        centers = _spiral(cameras, model, fractions, config)
+        centers = _spiral(cameras, model, config)
     return NamedPath(poses_of(looking(centers, typical_view(cameras), model)), closed=True)
 
 
@@ -78,10 +79,11 @@ def poses_of(cameras: Sequence[Camera]) -> Poses:
 def _spiral(
     cameras: Sequence[Camera],
     model: SceneModel,
-    fractions: Float[np.ndarray, " keys"],
     config: TrajectoryConfig,
 ) -> Float[np.ndarray, "keys 3"]:
     turns = max(config.turns, _TURNS)
+    count = max(_KEYS, round(_KEYS_OF_TURN * turns))
+    fractions = np.arange(count) / count
     if model.looking == "ahead":
         return ellipse(cameras, fractions, turns, config.spread)
     ring, phases = ring_of(cameras, model), 2 * np.pi * fractions
@@ -103,14 +105,11 @@ def _dolly(cameras: Sequence[Camera], model: SceneModel, spread: float) -> Poses
 def _through_photographs(cameras: Sequence[Camera], deviation: float) -> NamedPath:
     """Returns the photographs' own poses, each the mean of those near it by their number."""
     poses = poses_of(cameras)
-    closed = is_closed(poses.centers)
-    if deviation == 0:
-        return NamedPath(poses, closed)
-    number = np.arange(float(len(cameras)))
-    weights = gaussian_weights(number, len(cameras), closed=closed, deviation=deviation)
+    weights = weights_between(poses.centers, deviation)
     rotations = np.stack([camera.world_from_camera[:, :3] for camera in cameras])
     mean = np.einsum("ij,jkl->ikl", weights, rotations)
     u, _, vt = np.linalg.svd(mean)
     u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
     focals = np.exp(weights @ np.log(poses.focals))
-    return NamedPath(Poses(weights @ poses.centers, quaternions_of(u @ vt), focals), closed)
+    smoothed = Poses(weights @ poses.centers, quaternions_of(u @ vt), focals)
+    return NamedPath(smoothed, is_closed(poses.centers))

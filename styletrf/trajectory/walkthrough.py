@@ -3,7 +3,8 @@
 A walk looks neither at one place nor away from one. The photographs are put in the order in which
 they were taken, or in that of nearest neighbors where that way is shorter; a point of the path is
 the mean of the photographs near it, weighted by a Gaussian over their number. Photographs from one
-place count as one; where these look all around, as views of a panorama do, the path looks ahead.
+place count as one. Where photographs near each other look all around, as views of a panorama do, or
+to the left and to the right by turns, their mean direction means nothing and the path looks ahead.
 """
 
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ SMOOTHING = 1.5  # photographs
 _ONE_PLACE = 1e-6  # of the extent of all places
 _ALL_AROUND = 0.5  # length of the mean of unit directions
 _CLOSED = 4.0  # median steps between the last photograph and the first of a round
+_MOST_SMOOTHED = 1 / 16  # of all photographs: a round keeps 93 % of its radius
 _DENSE = 32  # places a photograph at which the way is measured
 
 
@@ -40,22 +42,34 @@ def smoothed_walkthrough(
         fractions = 0.5 - 0.5 * np.cos(2 * np.pi * fractions) if back else fractions
     number = _by_length(centers, fractions, closed=closed)
     weights = gaussian_weights(number, len(centers), closed=closed)
-    if looks_all_around(cameras):
-        forwards = _directions(centers, closed=closed)
+    near = weights_between(centers, SMOOTHING)
+    if _cancel(near @ forwards):
+        forwards = _directions(near @ centers, closed=closed)
     ahead = weights @ forwards
     return weights @ centers, ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
-def looks_all_around(cameras: Sequence[Camera]) -> bool:
-    """Returns whether photographs from one place look in many directions, at most places."""
-    _, forwards = _places(cameras)
-    return bool(np.median(np.linalg.norm(forwards, axis=1)) < _ALL_AROUND)
+def looks_all_around(cameras: Sequence[Camera], deviation: float = SMOOTHING) -> bool:
+    """Returns whether photographs near each other look in many directions, at most places.
+
+    Args:
+        cameras: The photographs' in their order.
+        deviation: Of the weights by which directions are averaged, in places.
+    """
+    centers, forwards = _places(cameras)
+    return _cancel(weights_between(centers, deviation) @ forwards)
 
 
-def onwards(cameras: Sequence[Camera]) -> tuple[Centers, Centers]:
-    """Returns the places of photographs, and the unit direction of the way at each of them."""
+def onwards(cameras: Sequence[Camera], deviation: float = SMOOTHING) -> tuple[Centers, Centers]:
+    """Returns the places of photographs, and the unit direction of the smoothed way at each."""
     centers, _ = _places(cameras)
-    return centers, _directions(centers, closed=is_closed(centers))
+    way = weights_between(centers, deviation) @ centers
+    return centers, _directions(way, closed=is_closed(centers))
+
+
+def _cancel(directions: Centers) -> bool:
+    """Returns whether mean directions of view are too short to mean something, at most places."""
+    return bool(np.median(np.linalg.norm(directions, axis=1)) < _ALL_AROUND)
 
 
 def _places(cameras: Sequence[Camera]) -> tuple[Centers, Centers]:
@@ -124,6 +138,22 @@ def _by_length(
     length = np.concatenate([[0.0], np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum()])
     result: Float[np.ndarray, " places"] = np.interp(fraction * length[-1], length, number)
     return result
+
+
+def weights_between(centers: Centers, deviation: float) -> Float[np.ndarray, "views views"]:
+    """Returns the weights, of sum 1, that photographs have at each other's places.
+
+    Args:
+        centers: Of the photographs, in their order.
+        deviation: In photographs. Of a round a sixteenth of all at most: more draws it inwards.
+    """
+    n, closed = len(centers), is_closed(centers)
+    if closed:
+        deviation = min(deviation, _MOST_SMOOTHED * n)
+    if deviation == 0:
+        return np.eye(n)
+    number = np.arange(float(n))
+    return gaussian_weights(number, n, closed=closed, deviation=deviation)
 
 
 def gaussian_weights(

@@ -1,6 +1,7 @@
 // The camera's way through key frames, as styletrf/trajectory/camera_curve.py defines it: Catmull-Rom
-// pieces with centripetal knots, for places and for rotations, at an even speed.
-const TURN = 0.5, FINENESS = 512, CLOSEST = 1e-3;
+// pieces with centripetal knots for places and for rotations, a monotone cubic for the lens, at an
+// even speed.
+const TURN = 0.5, ZOOM = 0.25, FINENESS = 512, CLOSEST = 1e-3;
 
 const lerp = (a, b, share) => a.map((v, i) => (1 - share) * v + share * b[i]);
 const slerp = (a, b, share) => {
@@ -38,11 +39,24 @@ const poseFrom = ([w, x, y, z], center) => poseOf(
   center,
 );
 
-const wayBetween = (a, b) => {
+// The value between the middle two of four values at four places; within the range of these two.
+const monotone = ([v0, v1, v2, v3], [t0, t1, t2, t3], at) => {
+  const width = t2 - t1, before = t1 - t0, after = t3 - t2, rise = v2 - v1;
+  const slope = (w0, w1, d0, d1) => (d0 * d1 > 0
+    ? 3 * (w0 + w1) * d0 * d1 / ((2 * w1 + w0) * d1 + (w1 + 2 * w0) * d0) : 0);
+  const start = slope(before, width, (v1 - v0) / before, rise / width);
+  const end = slope(width, after, rise / width, (v3 - v2) / after);
+  const s = (at - t1) / width;
+  const bend = start * s * (1 - s) ** 2 - end * s ** 2 * (1 - s);
+  return v1 + rise * (3 - 2 * s) * s ** 2 + width * bend;
+};
+
+const wayMoved = (a, b) => {
   const apart = Math.min(Math.hypot(...add(a.turned, b.turned, -1)), Math.hypot(...add(a.turned, b.turned)));
   const turned = 4 * Math.asin(clamp(apart / 2, 0, 1));
   return Math.max(Math.hypot(...add(a.center, b.center, -1)), TURN * turned);
 };
+const wayBetween = (a, b) => Math.max(wayMoved(a, b), ZOOM * Math.abs(b.zoom - a.zoom));
 
 // keys: views {pose, zoom}; returns the view at a knot, and the knots of the key frames.
 const curveThrough = (keys, isClosed) => {
@@ -54,7 +68,7 @@ const curveThrough = (keys, isClosed) => {
     const { turned } = views[k], product = turned.reduce((sum, v, i) => sum + v * views[k - 1].turned[i], 0);
     if (product < 0) views[k] = { ...views[k], turned: turned.map((v) => -v) };
   }
-  let steps = views.slice(1).map((view, k) => Math.sqrt(wayBetween(views[k], view)));
+  let steps = views.slice(1).map((view, k) => Math.sqrt(wayMoved(views[k], view)));
   const widest = Math.max(...steps);
   steps = steps.map((step) => Math.max(step, widest > 0 ? CLOSEST * widest : 1));
   if (!isClosed) {  // the second one mirrored at the first, and so at the end
@@ -66,12 +80,13 @@ const curveThrough = (keys, isClosed) => {
     const last = knots.length - 3;
     let piece = 1;
     while (piece < last && knots[piece + 1] <= knot) piece++;
-    const [v0, v1, v2, v3] = views.slice(piece - 1, piece + 3), [t0, t1, t2, t3] = knots.slice(piece - 1, piece + 3);
+    const near = views.slice(piece - 1, piece + 3), places = knots.slice(piece - 1, piece + 3);
+    const [v0, v1, v2, v3] = near, [t0, t1, t2, t3] = places;
     const share = (start, end) => (knot - start) / (end - start);
     const b = blended(v1, v2, share(t1, t2));
     const ab = blended(blended(v0, v1, share(t0, t1)), b, share(t0, t2));
     const bc = blended(b, blended(v2, v3, share(t2, t3)), share(t1, t3));
-    return blended(ab, bc, share(t1, t2));
+    return { ...blended(ab, bc, share(t1, t2)), zoom: monotone(near.map(({ zoom }) => zoom), places, knot) };
   };
   return { at, knots: knots.slice(1, -1) };
 };

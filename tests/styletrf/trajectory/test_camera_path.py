@@ -1,27 +1,25 @@
 """Frames along named paths and along files: length, shape, speed, and where they are."""
 
-import json
 from dataclasses import replace
 from functools import cache
 from itertools import product
 
 import numpy as np
 import pytest
+from captures import looking
 from expected_errors import rejects
 from mini_scene import painted_plane
 from trajectory_captures import CAPTURES, centers_of, modeled
 
-from styletrf.colmap import pycolmap
 from styletrf.configuration import configured
-from styletrf.files.images import write_rgb
-from styletrf.geometry.cameras import Camera, moved
-from styletrf.geometry.lenses import at_size, focal_from, focal_of
-from styletrf.trajectory.camera_path import TimedPath, frames_along
+from styletrf.geometry.cameras import Camera
+from styletrf.geometry.lenses import at_size, focal_of
+from styletrf.trajectory.camera_curve import curve_through
+from styletrf.trajectory.camera_path import TimedPath, frames_along, timed
 from styletrf.trajectory.chosen_path import chosen_path
 from styletrf.trajectory.frames import FramesConfig
-from styletrf.trajectory.key_frames import seconds_of_file
+from styletrf.trajectory.key_frames import KeyFrame, KeyFrames
 from styletrf.trajectory.named_paths import named_path, poses_of
-from styletrf.trajectory.path_files import read_path
 from styletrf.trajectory.trajectories import fly_through
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
 
@@ -189,117 +187,37 @@ def test_timed_key_frames_are_met_at_their_frames():
         np.testing.assert_allclose(frame.world_from_camera, view.world_from_camera, atol=1e-9)
 
 
-@pytest.fixture
-def scene():
-    return painted_plane()
+def test_a_path_waits_at_its_first_key_frame_until_the_time_of_that():
+    """It started there at once, though times count from the beginning of the path."""
+    views, _ = modeled("walk")
+    frames = tuple(KeyFrame(view.name, time_s=2.0 + k) for k, view in enumerate(views[:3]))
+    path = timed(KeyFrames("p.json", frames), poses_of(views[:3]))
+    found = frames_along(path, views[0], TrajectoryConfig(), 24)
+    assert len(found) == 4 * 24 + 1
+    for frame in found[: 2 * 24 + 1]:
+        np.testing.assert_allclose(frame.world_from_camera, views[0].world_from_camera, atol=1e-5)
+    for k in range(3):
+        np.testing.assert_allclose(
+            found[24 * (2 + k)].world_from_camera, views[k].world_from_camera, atol=1e-9
+        )
 
 
-def in_the_world(scene, camera) -> Camera:
-    return moved(camera, np.linalg.inv(scene.model.normalized_from_world))
+@pytest.mark.parametrize("turns", [2.0, 8.0, 48.0])
+def test_a_spiral_of_many_turns_stays_on_its_ellipse(turns):
+    """So many key frames as a few turns need left a star, or a point."""
+    views, model = modeled("forward")
+    named = named_path("spiral", views, model, TrajectoryConfig(turns=turns))
+    curve = curve_through(named.poses, closed=named.closed)
+    found = curve.at(np.linspace(*curve.key_knots[[0, -1]], 3001)).centers[:, :2]
+    radii = np.ptp(named.poses.centers[:, :2], axis=0) / 2
+    around = np.linalg.norm((found - centers_of(views)[:, :2].mean(axis=0)) / radii, axis=1)
+    np.testing.assert_allclose(around, 1, atol=0.03)
 
 
-def test_key_frames_lie_where_the_capture_has_them(scene, tmp_path):
-    """By a photograph's name, and by its place in the world, a frame is the photograph."""
-    first, last = scene.cameras[0], scene.cameras[-1]
-    world = in_the_world(scene, last)
-    quaternion = poses_of([world]).quaternions[0].tolist()
-    values = {
-        "key_frames": [
-            {"photograph": first.name},
-            {"position": world.center_world.tolist(), "orientation": quaternion, "fov_deg": 40},
-        ]
-    }
-    (tmp_path / "p.json").write_text(json.dumps(values))
-    path = chosen_path(
-        str(tmp_path / "p.json"), scene.cameras, scene.model, CONFIG, are_given=False
-    )
-    np.testing.assert_allclose(path[0].world_from_camera, first.world_from_camera, atol=1e-9)
-    np.testing.assert_allclose(path[-1].world_from_camera, last.world_from_camera, atol=1e-9)
-    assert focal_of(path[0]) == pytest.approx(focal_of(first))
-    assert focal_of(path[-1]) == pytest.approx(focal_from(40.0))
-
-
-def test_a_key_frame_looks_at_its_point(scene, tmp_path):
-    center, target = in_the_world(scene, scene.cameras[1]).center_world, np.array([0.3, 0.2, 4.0])
-    entry = {"position": center.tolist(), "look_at": target.tolist()}
-    (tmp_path / "p.json").write_text(json.dumps({"key_frames": [entry]}))
-    (frame, *_) = chosen_path(
-        str(tmp_path / "p.json"), scene.cameras, scene.model, CONFIG, are_given=False
-    )
-    to_target = target - center
-    found = in_the_world(scene, frame)
-    assert found.forward_world == pytest.approx(to_target / np.linalg.norm(to_target))
-
-
-def test_an_unknown_photograph_is_answered_with_those_there_are(scene, tmp_path):
-    file = tmp_path / "p.json"
-    file.write_text(json.dumps({"key_frames": [{"photograph": "0"}, {"photograph": "moon"}]}))
-    with rejects(file, "key_frames[1].photograph", "'moon'", remedy=[0, 1, 2]):
-        chosen_path(str(file), scene.cameras, scene.model, CONFIG, are_given=False)
-
-
-def write_blender(folder, scene):
-    flip = np.diag([1.0, -1.0, -1.0, 1.0])
-    worlds = [in_the_world(scene, camera) for camera in scene.cameras]
-    poses = [np.vstack([world.world_from_camera, [0, 0, 0, 1]]) @ flip for world in worlds]
-    frames = [
-        {"file_path": f"./{k:04d}", "transform_matrix": pose.tolist()}
-        for k, pose in enumerate(poses)
-    ]
-    fov = 2 * np.arctan(0.5 / focal_of(scene.cameras[0]))
-    (folder / "transforms.json").write_text(json.dumps({"camera_angle_x": fov, "frames": frames}))
-    return folder / "transforms.json"
-
-
-def test_cameras_of_a_path_need_no_photographs(scene, tmp_path):
-    """No key holds them, so their size does not count: the file gives it, or is refused."""
-    file = write_blender(tmp_path, scene)
-    before = read_path(file)
-    write_rgb(tmp_path / "0000.png", np.zeros((20, 10, 3), np.float32))
-    assert read_path(file) == before
-    content = json.loads(file.read_text())
-    angle = content.pop("camera_angle_x")
-    focal = 0.5 * 40 / np.tan(angle / 2)
-    file.write_text(json.dumps({**content, "fl_x": focal, "w": 40, "h": 30}))
-    assert np.isclose(read_path(file).frames[0].fov_deg, before.frames[0].fov_deg)
-    file.write_text(json.dumps({**content, "fl_x": focal}))
-    with rejects(file, "lens"):
-        read_path(file)
-
-
-def write_colmap(folder, scene):
-    model = pycolmap.Reconstruction()
-    usual = scene.cameras[0]
-    params = [usual.fx, usual.fy, usual.cx, usual.cy]
-    lens = pycolmap.Camera(
-        model="PINHOLE", width=usual.width, height=usual.height, params=params, camera_id=1
-    )
-    model.add_camera_with_trivial_rig(lens)
-    for k, camera in enumerate(scene.cameras):
-        pose = in_the_world(scene, camera).world_from_camera
-        world_from_camera = pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:, :3]), pose[:, 3])
-        image = pycolmap.Image(name=f"{k:04d}.png", camera_id=1, image_id=k + 1)
-        model.add_image_with_trivial_frame(image, world_from_camera.inverse())
-    model.write_text(folder)
-    return folder
-
-
-@pytest.mark.parametrize("write", [write_blender, write_colmap])
-def test_cameras_of_other_programs_are_key_frames_in_the_given_world(scene, tmp_path, write):
-    file = write(tmp_path, scene)
-    keys = read_path(file)
-    assert len(keys.frames) == len(scene.cameras)
-    with rejects(file, "world"):
-        chosen_path(str(file), scene.cameras, scene.model, CONFIG, are_given=False)
-    path = chosen_path(str(file), scene.cameras, scene.model, CONFIG, are_given=True)
-    for frame, view in ((path[0], scene.cameras[0]), (path[-1], scene.cameras[-1])):
-        np.testing.assert_allclose(frame.world_from_camera, view.world_from_camera, atol=1e-7)
-        assert focal_of(frame) == pytest.approx(focal_of(view))
-
-
-def test_an_animation_of_blender_keeps_its_frames(scene, tmp_path):
-    file = write_blender(tmp_path, scene)
-    assert seconds_of_file(file) == read_path(file).seconds > 0
-    path = chosen_path(str(file), scene.cameras, scene.model, CONFIG, are_given=True)
-    for frame, view in zip(path, scene.cameras, strict=True):
-        np.testing.assert_allclose(frame.world_from_camera, view.world_from_camera, atol=1e-7)
+@pytest.mark.parametrize("n", [6, 8, 12, 20, 40])
+def test_a_round_of_photographs_keeps_its_radius_however_few_they_are(n):
+    turn = 2 * np.pi * np.arange(n) / n
+    ring = [looking(3 * np.array([np.sin(a), 0, np.cos(a)]), np.zeros(3)) for a in turn]
+    found = named_path("photographs", ring, modeled("ring")[1], TrajectoryConfig())
+    assert found.closed
+    assert np.linalg.norm(found.poses.centers, axis=1).min() > 0.9 * 3

@@ -1,6 +1,8 @@
 """Key frames in files: what is written is read, and a mistake is named with file, entry, remedy."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +112,14 @@ def test_a_mistake_is_named_with_the_file_and_the_entry(tmp_path, values, proble
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("", "JSON"), ("[1", "JSON"), ("[]", "transforms.json"), ("{}", "transforms.json")],
+    [
+        ("", "JSON"),
+        ("[1", "JSON"),
+        ("[" * 100_000, "JSON"),
+        ("[]", "transforms.json"),
+        ("{}", "transforms.json"),
+    ],
+    ids=["nothing", "no end", "deep", "a list", "an object"],
 )
 def test_a_file_of_something_else_is_refused(tmp_path, text, value):
     (tmp_path / "path.json").write_text(text)
@@ -119,9 +128,16 @@ def test_a_file_of_something_else_is_refused(tmp_path, text, value):
 
 
 def test_a_file_that_is_missing_is_answered_with_what_there_is(tmp_path):
-    with rejects(f"--path {tmp_path / 'path.json'}") as error:
+    with rejects(f"--path {tmp_path / 'path.json'}", os.strerror(errno.ENOENT)) as error:
         read_path(tmp_path / "path.json")
     assert "photographs" in error.value.remedy
+
+
+def test_a_file_that_cannot_be_read_is_refused_with_the_reason(tmp_path):
+    """It was said to be missing."""
+    (tmp_path / "path.json").symlink_to(tmp_path / "path.json")
+    with rejects(f"--path {tmp_path / 'path.json'}", os.strerror(errno.ELOOP)):
+        read_path(tmp_path / "path.json")
 
 
 def test_easing_may_be_left_out():

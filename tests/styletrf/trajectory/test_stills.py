@@ -126,6 +126,24 @@ def test_photographs_that_tell_no_depth_give_stills(measure):
     assert len(found.cameras) == 60
 
 
+@pytest.mark.parametrize("extent", [0.0, 1e-9])
+def test_photographs_with_poses_that_lie_at_one_place_give_stills(extent):
+    """Given poses are taken to have parallax: the fly-through was a frame again and again."""
+    rng, place = np.random.default_rng(0), PHOTOGRAPHS[0].center_world
+    at_one = [
+        replace(
+            camera,
+            world_from_camera=np.column_stack(
+                [camera.world_from_camera[:, :3], place + extent * rng.normal(size=3)]
+            ),
+        )
+        for camera in PHOTOGRAPHS
+    ]
+    found = default_path(at_one, MODEL, CONFIG, supported, has_parallax=True)
+    assert len(found.stills) > 1
+    assert "no depth" in found.reason
+
+
 def test_a_path_that_stays_unsupported_becomes_stills_and_lists_what_was_tried():
     found = path(unsupported)
     assert len(found.stills) > 1

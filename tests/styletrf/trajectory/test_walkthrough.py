@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from captures import points_of, walk
+from captures import looking, points_of, walk
+from trajectory_captures import modeled
 
 from styletrf.capture.panorama.panorama_views import DIRECTIONS, view_camera
 from styletrf.geometry.cameras import moved
@@ -74,3 +75,65 @@ def test_panoramas_of_one_place_have_a_way_that_is_finite():
     assert np.isfinite(
         smoothed_walkthrough(panoramas(straight(1)), np.arange(5) / 5, back=True)
     ).all()
+
+
+SIDES = {
+    "left and right": [(1, 0, 0), (-1, 0, 0)],
+    "ahead and back": [(0, 0, 1), (0, 0, -1)],
+    "twice left, twice right": [(1, 0, 0), (1, 0, 0), (-1, 0, 0), (-1, 0, 0)],
+    "to four sides": [(1, 0, 0), (0, 0, 1), (-1, 0, 0), (0, 0, -1)],
+}
+
+
+def corridor(sides, count=40, *, in_spots):
+    """Handheld photographs along a corridor that look to sides by turns, or from spots to all."""
+    rng, cameras = np.random.default_rng(0), []
+    for k in range(count):
+        along = k // len(sides) * len(sides) if in_spots else k
+        center = np.array([0, 0, 0.1 * along]) + rng.normal(0, 0.02, 3)
+        side = np.array(sides[k % len(sides)]) + rng.normal(0, 0.05, 3)
+        cameras.append(looking(center, center + side))
+    return cameras
+
+
+@pytest.mark.parametrize("sides", SIDES.values(), ids=SIDES)
+@pytest.mark.parametrize("in_spots", [False, True])
+def test_a_path_through_photographs_that_look_to_several_sides_looks_ahead(sides, in_spots):
+    """It spun: the mean of such directions is nearly nothing, and was taken for a direction."""
+    cameras = corridor(sides, in_spots=in_spots)
+    _, ahead = smoothed_walkthrough(cameras, np.linspace(0, 1, 60), back=False)
+    assert ahead[:, 2].min() > np.cos(np.radians(30))
+    poses = named_path("photographs", cameras, modeled("way")[1], TrajectoryConfig()).poses
+    assert matrices_of(poses.quaternions)[:, 2, 2].min() > np.cos(np.radians(30))
+
+
+@pytest.mark.parametrize("count", [6, 8])
+def test_a_short_way_along_which_photographs_look_left_and_right_looks_ahead(count):
+    """Hardly smoothed, as a round of so few is, the path spun."""
+    cameras = corridor(SIDES["left and right"], count, in_spots=False)
+    _, ahead = smoothed_walkthrough(cameras, np.linspace(0, 1, 60), back=False)
+    poses = named_path("photographs", cameras, modeled("way")[1], TrajectoryConfig()).poses
+    for directions in (ahead, matrices_of(poses.quaternions)[:, :, 2]):
+        assert directions[:, 2].min() > np.cos(np.radians(30))
+
+
+@pytest.mark.parametrize("count", [7, 8, 12])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_round_of_few_photographs_is_gone_looking_as_they_do(count, side):
+    """Neighbors far apart on it look in other directions, but not all around."""
+    turn = 2 * np.pi * np.arange(count) / count
+    centers = np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    cameras = [looking(center, (1 + side) * center) for center in centers]
+    assert not looks_all_around(cameras)
+    places, ahead = smoothed_walkthrough(cameras, np.arange(48) / 48, back=False)
+    outward = places / np.linalg.norm(places, axis=1, keepdims=True)
+    assert side * (outward * ahead).sum(axis=1).min() > 0.99
+
+
+def test_photographs_that_look_to_several_sides_are_passed_as_they_are_without_smoothing():
+    cameras = corridor(SIDES["left and right"], in_spots=False)
+    poses = named_path(
+        "photographs", cameras, modeled("way")[1], TrajectoryConfig(stabilization=0.0)
+    ).poses
+    forward = matrices_of(poses.quaternions)[:, :, 2]
+    assert forward == pytest.approx(np.stack([camera.forward_world for camera in cameras]))
