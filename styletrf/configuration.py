@@ -11,6 +11,8 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 from styletrf.errors import InputError
 
 Config = TypeVar("Config")
+SEEDS = "[0, 2147483647]"
+"""The seeds that every library takes."""
 _KINDS = {bool: "true or false", int: "a whole number", float: "a finite number", str: "a text"}
 
 

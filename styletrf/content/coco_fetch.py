@@ -11,17 +11,26 @@ from collections.abc import Callable
 from functools import partial
 from http.client import HTTPException
 from pathlib import Path
+from urllib.parse import quote, urlsplit, urlunsplit
 
 from styletrf.content.content_sources import ContentSource, decoded_image
 from styletrf.errors import InputError, NetworkError
 from styletrf.files.atomic_write import atomic_write
 
 _ATTEMPTS = 4
+MOST_MISSING = 32
+"""Images in a row that a server may not have before the server or the network is at fault."""
 _TIMEOUT_S = 30.0
 _FIRST_PAUSE_S = 1.0  # doubled after every failure
 LARGEST_BYTES = 64 * 2**20
 """Of one image; the largest photographs of COCO have less than one MiB."""
 _CHUNK_BYTES = 1 << 16
+_SAFE = "/%:@!$&'()*+,;=~?"  # in the path and the query of an address; escapes stay
+
+_REMEDY = (
+    "Check the network and run again: what was fetched is kept. Offline, give a folder or a zip of "
+    "photographs"
+)
 
 
 def coco_source(
@@ -31,7 +40,7 @@ def coco_source(
 
     Reading an image looks for `cache/FILE_NAME` first and leaves it there, whole and decodable, or
     not at all. It tries four times, waiting 1, 2 and 4 seconds between. An image that the server
-    does not have, or that does not decode, reads as empty bytes.
+    does not have, or that does not decode, reads as empty bytes, unless `MOST_MISSING` do in a row.
 
     Args:
         annotations: The JSON file; of it only `images` with `file_name` and `coco_url` is used.
@@ -39,7 +48,8 @@ def coco_source(
         pause: How to wait.
 
     Raises:
-        InputError: The file is not a JSON of this kind.
+        InputError: The file is not a JSON of this kind, or has a name or an address that is not
+            plain.
         NetworkError: While reading: the network or the server fails.
         InputError: While reading: an image is larger than `LARGEST_BYTES`, so that its rest is not
             fetched.
@@ -52,28 +62,74 @@ def coco_source(
         remedy = "Give an instances_*.json, whose `images` have a `file_name` and a `coco_url`"
         raise InputError(str(annotations), problem, remedy) from error
     for name, address in addresses.items():
-        if Path(name).name != name or not address.startswith(("http://", "https://")):
+        try:
+            addresses[name] = _web_address(address)
+            is_plain = Path(name).name == name
+        except ValueError:
+            is_plain = False
+        if not is_plain:
             problem = f"the image {name!r} has a path or address that is refused ({address})"
             raise InputError(str(annotations), problem, "Give plain file names and web addresses")
-    read = partial(_read, addresses, cache, pause)
+    read = partial(_read, addresses, cache, pause, list[str]())
     return ContentSource(str(annotations), tuple(sorted(addresses)), read)
 
 
+def _web_address(text: str) -> str:
+    """Returns an address in ASCII: what may not be in one is escaped.
+
+    Raises:
+        ValueError: It is no address of the web.
+    """
+    parts = urlsplit(text)
+    if parts.scheme not in {"http", "https"} or not parts.hostname or " " in parts.netloc:
+        raise ValueError(text)
+    if parts.port == 0:  # one that is no number or too large is refused by itself
+        raise ValueError(text)
+    host = parts.netloc.encode("idna").decode()
+    path, query = quote(parts.path, _SAFE), quote(parts.query, _SAFE)
+    return urlunsplit((parts.scheme, host, path, query, ""))
+
+
 def _read(
-    addresses: dict[str, str], cache: Path, pause: Callable[[float], None], name: str
+    addresses: dict[str, str],
+    cache: Path,
+    pause: Callable[[float], None],
+    missing: list[str],
+    name: str,
 ) -> bytes:
+    """Returns an image; `missing` has the reasons of those in a row that the server has not."""
     path = cache / name
     if path.exists() and decoded_image(path.read_bytes()) is not None:
+        missing.clear()
         return path.read_bytes()
-    content = _fetch(addresses[name], pause)
+    content, problem = _fetch(addresses[name], pause)
     if content:
+        missing.clear()
+        _keep(content, path)
+        return content
+    missing.append(problem)
+    if len(missing) >= MOST_MISSING:
+        problem = f"{MOST_MISSING} images in a row, or more, are missing ({problem})"
+        raise NetworkError(addresses[name], problem, _REMEDY)
+    return b""
+
+
+def _keep(content: bytes, path: Path) -> None:
+    """Writes a fetched image into the cache.
+
+    Raises:
+        InputError: It cannot be written, so that no other image can.
+    """
+    try:
         with atomic_write(path) as partial_path:
             partial_path.write_bytes(content)
-    return content
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror})"
+        raise InputError(str(path), problem, "Free some space, or make it writable") from error
 
 
-def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
-    """Returns the decodable image at an address; empty bytes where the server has none."""
+def _fetch(address: str, pause: Callable[[float], None]) -> tuple[bytes, str]:
+    """Returns the decodable image at an address; empty bytes and why where the server has none."""
     problem, damaged = "", False
     for attempt in range(_ATTEMPTS):
         if attempt:
@@ -82,21 +138,18 @@ def _fetch(address: str, pause: Callable[[float], None]) -> bytes:
             content = _download(address)
         except urllib.error.HTTPError as error:
             if error.code in {403, 404, 410}:
-                return b""
+                return b"", str(error)
             problem, damaged = str(error), False
         except (OSError, HTTPException) as error:
             problem, damaged = f"{type(error).__name__}: {error}", False
         else:
             if decoded_image(content) is not None:
-                return content
+                return content, ""
             damaged = True
     if damaged:
-        return b""
+        return b"", "what the server sends is no image"
     raise NetworkError(
-        address,
-        f"cannot be fetched after {_ATTEMPTS} attempts ({problem})",
-        "Check the network and run again: what was fetched is kept. Offline, give a folder or a "
-        "zip of photographs",
+        address, f"cannot be fetched after {_ATTEMPTS} attempts ({problem})", _REMEDY
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from styletrf.configuration import require_at_least
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.content.content_sources import ContentSource, decoded_image
 from styletrf.errors import InputError
 from styletrf.files.zip_damage import ZIP_DAMAGE
@@ -33,6 +33,7 @@ _SCHEMA = pa.schema(
 _JPEG_QUALITY = 95
 _SHARD_BYTES = 64 * 2**20
 _SMALLEST_SIDE_PX = 64
+_LONGEST_SIDE_PX = 65_500  # of a JPEG that libjpeg writes
 _THREADS, _AHEAD = 8, 32  # most of a fetch is waiting
 
 
@@ -46,6 +47,7 @@ class ContentConfig:
     smallest_count: int = 8  # fewer usable images than this are an error
 
     def __post_init__(self) -> None:
+        require_within(SEEDS, self, "seed")
         require_at_least(1, self, "smallest_count")
         require_at_least(_SMALLEST_SIDE_PX, self, "min_side_px")
         if self.count is not None:
@@ -57,7 +59,7 @@ class ContentSummary:
     """The outcome for the source's images; also written as `content.json`."""
 
     count: int
-    skipped: tuple[str, ...]  # names of images that cannot be read or are under 64 px a side
+    skipped: tuple[str, ...]  # names of images that cannot be read, or are too small or too long
 
 
 class Row(TypedDict):
@@ -151,6 +153,8 @@ def _row(source: ContentSource, name: str, min_side_px: int) -> Row | None:
     if scale < 1:
         width, height = round(width * scale), round(height * scale)
         image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    if max(width, height) > _LONGEST_SIDE_PX:
+        return None
     jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
     return {"id": name, "width": width, "height": height, "encoded": jpeg.tobytes()}
 

@@ -17,12 +17,19 @@ from jaxtyping import UInt8
 
 from styletrf.content.procedural_images import procedural_image
 from styletrf.errors import InputError
+from styletrf.files.heif_images import HEIF_SUFFIXES, heif_pixels
 from styletrf.files.linked_folders import walk_files
 from styletrf.files.zip_damage import ZIP_DAMAGE
 
-CONTENT_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
-"""What counts as an image by its name, in lower case."""
+CONTENT_SUFFIXES = HEIF_SUFFIXES | frozenset(
+    [
+        *(".bmp", ".jfif", ".jp2", ".jpe", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".pnm", ".ppm"),
+        *(".tif", ".tiff", ".webp"),
+    ]
+)
+"""What counts as an image by its name, in lower case: the same as of photographs."""
 
+_HEIF_START = b"ftyp"  # after four bytes
 _PROCEDURAL_SHAPE = (320, 400)  # height, width
 
 
@@ -41,6 +48,9 @@ def decoded_image(encoded: bytes) -> UInt8[np.ndarray, "height width 3"] | None:
 
     OpenCV refuses images of more than 2^30 pixels, or what `OPENCV_IO_MAX_IMAGE_PIXELS` says.
     """
+    if encoded[4:8] == _HEIF_START:
+        rgb = heif_pixels(encoded)
+        return None if rgb is None else np.ascontiguousarray(rgb[..., 2::-1])
     try:
         buffer = np.frombuffer(encoded, dtype=np.uint8)
         return cv2.imdecode(buffer, cv2.IMREAD_COLOR) if buffer.size else None

@@ -1,4 +1,4 @@
-"""Images that OpenCV does not decode faithfully: of unusual depths, and gray with transparency."""
+"""Images that OpenCV does not decode faithfully: of unusual depths, or with transparency."""
 
 import io
 import re
@@ -12,7 +12,8 @@ _TIFF = (b"II*\x00", b"MM\x00*")
 _JPEG_2000 = (b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51")
 _SIZE_MARKER = b"\xff\x4f\xff\x51"  # the start of a codestream, and of the segment SIZ
 _CHANNELS, _FIRST_DEPTH, _STEP = 36, 38, 3  # bytes of SIZ behind its marker
-_SAMPLES_PER_PIXEL = 277  # a tag of TIFF
+_SAMPLES_PER_PIXEL, _EXTRA_SAMPLES = 277, 338  # tags of TIFF
+_MULTIPLIED, _APART = 1, 2  # kinds of alpha in a TIFF (associated, unassociated)
 _GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _PNM = re.compile(rb"P([2356])" + _GAP + rb"\d+" + _GAP + rb"\d+" + _GAP + rb"(\d+)")
 _ASCII = (b"2", b"3")
@@ -48,16 +49,31 @@ def is_gray_with_alpha(file: bytes) -> bool:
     """Returns whether a file is a TIFF or JPEG 2000 of two channels, by its header."""
     if file.startswith(_JPEG_2000):
         return len(_depths(file)) == 2
-    return file.startswith(_TIFF) and _samples_of_tiff(file) == 2
+    return file.startswith(_TIFF) and _tag_of_tiff(file, _SAMPLES_PER_PIXEL) == 2
 
 
-def _samples_of_tiff(file: bytes) -> int:
-    """Returns how many channels the first picture of a TIFF has; 0 where it does not say."""
+def is_premultiplied(file: bytes, largest: int) -> bool:
+    """Returns whether colors that OpenCV decodes from a file are multiplied by their alpha.
+
+    A TIFF may hold them so, and libtiff multiplies those of 8 bits.
+
+    Args:
+        file: The content of the file.
+        largest: The largest level of the type of the pixels, 255 or 65535.
+    """
+    if not file.startswith(_TIFF) or _tag_of_tiff(file, _SAMPLES_PER_PIXEL) != 4:
+        return False
+    alpha = _tag_of_tiff(file, _EXTRA_SAMPLES)
+    return alpha == _MULTIPLIED or (alpha == _APART and largest == 255)
+
+
+def _tag_of_tiff(file: bytes, tag: int) -> int:
+    """Returns the short number of a tag of the first picture of a TIFF; 0 where it has none."""
     order: Literal["little", "big"] = "little" if file.startswith(b"II") else "big"
     start = int.from_bytes(file[4:8], order)
     entries = file[start + 2 : start + 2 + 12 * int.from_bytes(file[start : start + 2], order)]
     for entry in (entries[k : k + 12] for k in range(0, len(entries), 12)):
-        if int.from_bytes(entry[:2], order) == _SAMPLES_PER_PIXEL:
+        if int.from_bytes(entry[:2], order) == tag:
             return int.from_bytes(entry[8:10], order)
     return 0
 

@@ -169,7 +169,9 @@ def _map_to_painting(
     step = math.ceil(max(path[0].width, path[0].height) / _SIDE_FOR_COLORS_PX)
     painted = each_painted(paint, [camera.name for camera in chosen], content)
     shown = [image[::step, ::step].copy() for image in painted]
-    return map_to_painting(shown, read_rgb(inputs["style"] / "style.png"))
+    again = float_images(inputs["trajectory"], chosen) if background else ()
+    opacities = [view.opacity[::step, ::step].copy() for view in again] or None
+    return map_to_painting(shown, read_rgb(inputs["style"] / "style.png"), opacities)
 
 
 def _frames_of_field(

@@ -84,7 +84,9 @@ def stylize_priors(
         return
     if colors != "style" or "style" in inputs:
         painting = read_rgb(inputs["style"] / "style.png")
-        views = in_colors(views, replace_background(plain, background), painting, colors)
+        opacities = [view.opacity for view in plain] if background else None
+        seen = replace_background(plain, background)
+        views = in_colors(views, seen, painting, colors, opacities)
     shown = restore_background(views, plain, background)
     write_pictures(out, [camera.name for camera in cameras], iter(shown))
 

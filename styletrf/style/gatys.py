@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from styletrf.configuration import require_at_least, require_within
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.finiteness import require_finite
 from styletrf.progress import Progress, silent
 from styletrf.style.perceptual.painting_size import scaled_painting
@@ -39,6 +39,7 @@ class GatysConfig:
     seed: int = 0  # of the noise
 
     def __post_init__(self) -> None:
+        require_within(SEEDS, self, "seed")
         require_at_least(SMALLEST_PX, self, "style_px")
         require_within("(0, inf)", self, "rate", "stroke_scale")
         if not self.iterations or min(self.iterations) < 0:

@@ -29,8 +29,8 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
     A painting whose shorter side has more than `LARGEST_SQUARE_PX` pixels is reduced to that.
 
     Raises:
-        InputError: The file is absent, is no whole image, has fewer than 64 pixels a side, or
-            shows (nearly) one color, from which no style can be learned.
+        InputError: The file is absent, is no whole image, has fewer than 64 pixels a side or too
+            many to decode, or shows (nearly) one color, from which no style can be learned.
     """
     if not path.is_file():
         raise InputError(str(path), "there is no such style image", "Give a PNG or JPEG file")
@@ -43,7 +43,7 @@ def read_style_image(path: Path) -> Float[np.ndarray, "height width 3"]:
             f"Give an image of at least {SMALLEST_SIDE_PX} pixels a side; 256 or more is better",
         )
     image = from_integers(_reduced(_middle(pixels, path.name)))
-    if image.std(axis=(0, 1)).max() < _FLAT_DEVIATION:
+    if image.std(axis=(0, 1), dtype=np.float64).max() < _FLAT_DEVIATION:
         remedy = "Give a painting, a drawing or a pattern with visible strokes"
         raise InputError(str(path), "is all one color, or nearly", remedy)
     for warning in painting_warnings(image):

@@ -26,7 +26,7 @@ from jaxtyping import Int64, UInt8
 from torch import Tensor, nn
 
 from styletrf.capture.view_images import view_images
-from styletrf.configuration import require_at_least, require_within
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.field.appearance import Appearance
 from styletrf.field.kernels import Kernels
 from styletrf.field.radiance_field import RadianceField
@@ -68,6 +68,7 @@ class AdaptationConfig:
     def __post_init__(self) -> None:
         if not self.parts or not set(self.parts) <= set(PARTS):
             raise ValueError(f"parts are {self.parts}, not some of {PARTS}")
+        require_within(SEEDS, self, "seed")
         require_at_least(1, self, "iterations", "batch", "tv_every", "cache_bytes")
         require_within("(0, inf)", self, "factor_rate", "network_rate")
         require_within("(0, 1]", self, "rate_decay")

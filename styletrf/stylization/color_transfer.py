@@ -11,6 +11,8 @@ Image = Float[np.ndarray, "_ _ 3"]
 Colors = Literal["style", "photograph", "luminance"]
 ColorMap = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 """A matrix, and the offset that is added after it."""
+Opacities = Sequence[Float[np.ndarray, "_ _"]] | None
+"""The opacities of views; None where all pixels count."""
 
 MOST_GAIN = 8.0
 """The most gain of the map along any axis of color: noise must not give a gray painting hues."""
@@ -20,7 +22,11 @@ MOST_GAIN_TO_PAINTING = 1.5
 
 
 def in_colors(
-    painted: Sequence[Image], unstylized: Sequence[Image], painting: Image, colors: Colors
+    painted: Sequence[Image],
+    unstylized: Sequence[Image],
+    painting: Image,
+    colors: Colors,
+    opacities: Opacities = None,
 ) -> list[Image]:
     """Returns the painted views in the wanted colors, within [0, 1].
 
@@ -34,21 +40,26 @@ def in_colors(
         unstylized: The same views before.
         painting: The style image.
         colors: The source of the colors.
+        opacities: Those of the views, if they show an object on a ground that is not counted.
     """
     if colors == "luminance":
         return [_with_lightness_of(p, q) for p, q in zip(unstylized, painted, strict=True)]
-    wanted, most_gain = (unstylized, MOST_GAIN)
     if colors == "style":
-        wanted, most_gain = ([painting], MOST_GAIN_TO_PAINTING)
-    source, target = (np.concatenate([i.reshape(-1, 3) for i in s]) for s in (painted, wanted))
-    found = color_map(source, target, most_gain)
+        found = map_to_painting(painted, painting, opacities)
+    else:
+        weights = _weights(opacities)
+        found = color_map(
+            _colors(painted), _colors(unstylized), source_weights=weights, target_weights=weights
+        )
     return [recolored(image, found) for image in painted]
 
 
-def map_to_painting(painted: Sequence[Image], painting: Image) -> ColorMap:
+def map_to_painting(
+    painted: Sequence[Image], painting: Image, opacities: Opacities = None
+) -> ColorMap:
     """Returns the map of `in_colors` that gives these views the colors `style`."""
-    source, target = np.concatenate([i.reshape(-1, 3) for i in painted]), painting.reshape(-1, 3)
-    return color_map(source, target, MOST_GAIN_TO_PAINTING)
+    source, target = _colors(painted), painting.reshape(-1, 3)
+    return color_map(source, target, MOST_GAIN_TO_PAINTING, _weights(opacities))
 
 
 def recolored(image: Image, found: ColorMap) -> Image:
@@ -62,20 +73,45 @@ def color_map(
     source: Float[np.ndarray, "source 3"],
     target: Float[np.ndarray, "target 3"],
     most_gain: float = MOST_GAIN,
+    source_weights: Float[np.ndarray, " source"] | None = None,
+    target_weights: Float[np.ndarray, " target"] | None = None,
 ) -> ColorMap:
     """Returns matrix and offset that give colors the mean and the covariance of others.
 
     The symmetric map T = S^-1/2 (S^1/2 R S^1/2)^1/2 S^-1/2 of covariances S to R, which moves the
     colors least (Monge's, Pitie and Kokaram 2007, eq. 6). Along axes on which the source hardly
-    varies the gain is at most `MOST_GAIN`, and along any axis at most `most_gain`.
+    varies the gain is at most `MOST_GAIN`, and along any axis at most `most_gain`. Colors count by
+    their weights, where given.
     """
-    covariances = [np.cov(c.astype(np.float64), rowvar=False) for c in (source, target)]
+    moments = _moments(source, source_weights), _moments(target, target_weights)
+    means, covariances = zip(*moments, strict=True)
     least = np.trace(covariances[1]) / MOST_GAIN**2 + np.finfo(np.float64).tiny
     root, inverse = _roots(covariances[0], least)
     middle, _ = _roots(root @ covariances[1] @ root, 0.0)
     gains, axes = np.linalg.eigh(inverse @ middle @ inverse)
     matrix = (axes * np.minimum(gains, most_gain)) @ axes.T
-    return matrix, target.mean(axis=0) - matrix @ source.mean(axis=0)
+    return matrix, means[1] - matrix @ means[0]
+
+
+def _colors(images: Sequence[Image]) -> Float[np.ndarray, "colors 3"]:
+    return np.concatenate([image.reshape(-1, 3) for image in images])
+
+
+def _weights(opacities: Opacities) -> Float[np.ndarray, " colors"] | None:
+    """Returns the weights of colors by their opacities; equal ones where nothing is opaque."""
+    if opacities is None:
+        return None
+    weights = np.concatenate([part.ravel() for part in opacities]).astype(np.float64)
+    return np.maximum(weights, np.finfo(np.float32).tiny)
+
+
+def _moments(
+    colors: Float[np.ndarray, "colors 3"], weights: Float[np.ndarray, " colors"] | None
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+    """Returns mean and covariance, in float64: sums of millions in float32 are off by levels."""
+    wide = colors.astype(np.float64)
+    covariance = np.cov(wide, rowvar=False, aweights=weights, bias=weights is not None)
+    return np.average(wide, axis=0, weights=weights), covariance
 
 
 def _roots(covariance: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:

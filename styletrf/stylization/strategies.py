@@ -146,7 +146,8 @@ def stylized(
     refine_appearance(job.field, _lattice_scale(job, config), config.shading, generator)
     job.field.appearance.weight_power = config.weight_power.powers[-1]  # fits what it shows best
     first = config.adaptation
-    if job.match != "pixels":
+    matches_renders = job.match != "pixels" and config.image.iterations > 0
+    if matches_renders:
         first = replace(first, iterations=math.ceil(config.fit_fraction * first.iterations))
     started = time.monotonic()
     curve, dropped = adapt_appearance(
@@ -154,7 +155,7 @@ def stylized(
         progress, _learnt_pixels(job, config),
     )  # fmt: skip
     choose_weight_power(job.field, job.cameras, job.painted, job.model.space, config.weight_power)
-    if job.match != "pixels":
+    if matches_renders:
         seconds = time.monotonic() - started
         after = adapt_to_image_loss(
             job.field, job.cameras, (job.unstylized, job.painted), job.model.space,

@@ -72,7 +72,7 @@ def read_checkpoint(folder: Path, training: Training) -> None:
     """Puts the state of a checkpoint into a new training.
 
     The training stays as it is where there is no checkpoint, or one that is damaged, of another
-    network or of an earlier version: the training then starts over, and a warning says why.
+    network or of another version: the training then starts over, and a warning says why.
     """
     checkpoint = load_checkpoint(folder, torch.device("cpu"))
     if checkpoint is None:
@@ -84,11 +84,16 @@ def read_checkpoint(folder: Path, training: Training) -> None:
     if any(n not in tensors or tensors[n].shape != p.shape for n, p in parameters.items()):
         warn_of_unreadable(folder, "it is of another network, or not whole")
         return
+    try:
+        curve = [StyleCurvePoint(*point) for point in state["curve"]]
+    except (KeyError, TypeError):
+        warn_of_unreadable(folder, "another version wrote it")
+        return
     with torch.no_grad():
         for name, parameter in parameters.items():
             parameter.copy_(tensors[name])
     restore_optimizer(training.optimizer, tensors)
-    training.curve.extend(StyleCurvePoint(*point) for point in state["curve"])
+    training.curve.extend(curve)
 
 
 def _parameters(network: PaintingNetwork) -> dict[str, Tensor]:

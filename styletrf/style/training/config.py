@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from styletrf.configuration import require_at_least, require_within
+from styletrf.configuration import SEEDS, require_at_least, require_within
 from styletrf.style.gatys import GatysConfig
 from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
 from styletrf.style.perceptual.style_loss import Statistics
@@ -42,6 +42,7 @@ class StyleTrainingConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_within(SEEDS, self, "seed")
         require_at_least(1, self, "iterations", "batch")
         require_at_least(0, self, "identity_iterations")
         require_at_least(SMALLEST_PX, self, "crop_px", "style_px")

@@ -114,8 +114,9 @@ class StyleStep:
         both = self._painted(network, torch.cat([content.first, content.second]))
         first, second = both.chunk(2)
         terms = self._loss(k, first, content.first)
-        temporal = config.every * config.weight * temporal_loss(first, second, content)
-        return replace(terms, temporal=temporal)
+        images = zip(first.split(1), second.split(1), _one_by_one(content), strict=True)
+        temporal = torch.stack([temporal_loss(*image) for image in images]).mean()
+        return replace(terms, temporal=config.every * config.weight * temporal)
 
     def _jittered(self, k: int, content: Tensor | ContentPair) -> Tensor | ContentPair:
         """Returns the images with moved copies, in iterations with a temporal loss."""
@@ -139,8 +140,7 @@ class StyleStep:
         if isinstance(content, Tensor):
             images: Sequence[Tensor] = content.split(1)
             return images
-        columns = [getattr(content, f).split(1) for f in content.__slots__]
-        return [ContentPair(*row) for row in zip(*columns, strict=True)]
+        return _one_by_one(content)
 
     def _shard(self, content: Tensor | ContentPair) -> Tensor | ContentPair:
         if isinstance(content, Tensor):
@@ -189,8 +189,14 @@ class StyleStep:
             return terms
         with torch.no_grad():
             held = self._painted(self._initial, content)
-        drift = color_drift(output, held, _COLOR_BLOCK_PX)
+        images = zip(output.split(1), held.split(1), strict=True)
+        drift = torch.stack([color_drift(*image, _COLOR_BLOCK_PX) for image in images]).mean()
         return replace(terms, color=self._config.color_weight * drift)
+
+
+def _one_by_one(pairs: ContentPair) -> list[ContentPair]:
+    columns = [getattr(pairs, f).split(1) for f in pairs.__slots__]
+    return [ContentPair(*row) for row in zip(*columns, strict=True)]
 
 
 def _learning_rate(config: StyleTrainingConfig, k: int, group: str) -> float:

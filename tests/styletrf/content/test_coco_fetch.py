@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from expected_errors import rejects
 from huge_pictures import huge_png
 
-from styletrf.content.coco_fetch import coco_source
+from styletrf.content.coco_fetch import MOST_MISSING, coco_source
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.errors import NetworkError
 
@@ -77,6 +78,13 @@ def test_an_image_is_fetched_once_and_kept(server: Server, tmp_path: Path):
     assert [path.name for path in (tmp_path / "cache").iterdir()] == ["1.jpg"]
 
 
+def test_an_image_that_cannot_be_kept_ends_the_fetch_with_the_place(server: Server, tmp_path: Path):
+    file = serve(server, tmp_path, {"a.jpg": [(200, JPEG)]})
+    source = coco_source(file, tmp_path / "missing/cache")
+    with rejects(tmp_path / "missing/cache/a.jpg", "cannot be written"):
+        source.read("a.jpg")
+
+
 @pytest.mark.parametrize("first", [(503, b""), (200, JPEG[:200])])
 def test_failures_are_tried_again_after_growing_pauses(
     server: Server, tmp_path: Path, first: tuple[int, bytes]
@@ -109,6 +117,44 @@ def test_an_image_of_too_many_pixels_is_skipped(server: Server, tmp_path: Path):
     pauses: list[float] = []
     assert coco_source(file, tmp_path / "cache", pause=pauses.append).read("1.jpg") == b""
     assert (tmp_path / "cache/1.jpg").read_bytes() == huge_png()
+
+
+def test_a_server_that_refuses_everything_is_named_after_few_requests(
+    server: Server, tmp_path: Path
+):
+    """A proxy that answers 403 was asked for every image of COCO, without a word."""
+    file = serve(server, tmp_path, {f"{k}.jpg": [(403, b"")] for k in range(10 * MOST_MISSING)})
+    source = coco_source(file, tmp_path / "cache")
+    with rejects("127.0.0.1", 403, MOST_MISSING, kind=NetworkError):
+        [source.read(name) for name in source.names]
+    assert len(server.asked) == MOST_MISSING
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_an_image_between_those_that_are_gone_shows_that_the_server_serves(
+    server: Server, tmp_path: Path, kept: bool
+):
+    file = serve(server, tmp_path, {"1.jpg": [(200, JPEG)], "gone.jpg": [(404, b"")]})
+    source = coco_source(file, tmp_path / "cache")
+    for _ in range(2):
+        for _ in range(MOST_MISSING - 1):
+            assert source.read("gone.jpg") == b""
+        if not kept:
+            (tmp_path / "cache/1.jpg").unlink(missing_ok=True)
+        assert source.read("1.jpg") == JPEG
+
+
+@pytest.mark.parametrize(
+    "name", ["caf\N{LATIN SMALL LETTER E WITH ACUTE}.jpg", "a b.jpg", "a%20b.jpg"]
+)
+def test_an_address_is_sent_with_what_it_may_not_contain_escaped(
+    server: Server, tmp_path: Path, name: str
+):
+    escaped = quote(name, safe="%")
+    server.answers = {f"/{escaped}?a=b%26c": [(200, JPEG)]}
+    address = f"http://127.0.0.1:{server.server_port}/{name}?a=b%26c"
+    file = annotations(tmp_path, {"1.jpg": address})
+    assert coco_source(file, tmp_path / "cache").read("1.jpg") == JPEG
 
 
 class Endless(BaseHTTPRequestHandler):
@@ -175,7 +221,15 @@ def test_other_files_are_an_input_error(tmp_path: Path, text: str):
 
 @pytest.mark.parametrize(
     ("name", "address"),
-    [("../1.jpg", "http://x/1.jpg"), ("/1.jpg", "http://x/1.jpg"), ("1.jpg", "file:///1.jpg")],
+    [
+        ("../1.jpg", "http://x/1.jpg"),
+        ("/1.jpg", "http://x/1.jpg"),
+        ("1.jpg", "file:///1.jpg"),
+        ("1.jpg", "http://[x/1.jpg"),
+        ("1.jpg", "http:///1.jpg"),
+        ("1.jpg", "http://x:99999/1.jpg"),
+        ("1.jpg", "http://x y/1.jpg"),
+    ],
 )
 def test_paths_and_addresses_that_reach_elsewhere_are_refused(
     tmp_path: Path, name: str, address: str

@@ -83,6 +83,15 @@ def test_shards_are_cut_at_their_size_and_lose_nothing(tmp_path: Path, monkeypat
     assert len({row["id"] for row in rows(folder)}) == len(rows(folder)) == 12
 
 
+def test_an_image_too_long_for_a_jpeg_is_skipped(tmp_path: Path):
+    """It ended in a traceback."""
+    folder = photographs(tmp_path / "in", 8)
+    cv2.imwrite(str(folder / "scroll.png"), np.zeros((80, 66_000, 3), np.uint8))
+    (tmp_path / "out").mkdir()
+    summary = write_content_images(folder_source(folder), tmp_path / "out", ContentConfig())
+    assert (summary.count, summary.skipped) == (8, ("scroll.png",))
+
+
 def test_damaged_tiny_and_huge_images_are_skipped_replaced_and_named(tmp_path: Path):
     folder = photographs(tmp_path / "in", 12)
     whole = (folder / "000.jpg").read_bytes()

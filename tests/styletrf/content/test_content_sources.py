@@ -5,8 +5,38 @@ import cv2
 import numpy as np
 import pytest
 from expected_errors import rejects
+from PIL import Image
 
-from styletrf.content.content_sources import embedded_source, folder_source, zip_source
+from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES, read_photograph
+from styletrf.content.content_sources import (
+    CONTENT_SUFFIXES,
+    decoded_image,
+    embedded_source,
+    folder_source,
+    zip_source,
+)
+
+PHONE = Path(__file__).parents[1] / "photographs" / "phone.heic"
+
+
+def test_every_kind_of_photograph_can_be_content():
+    """A folder of HEIC files was passed over without a word."""
+    assert CONTENT_SUFFIXES == PHOTOGRAPH_SUFFIXES
+
+
+@pytest.mark.parametrize("suffix", [".heic", ".avif", ".jp2", ".ppm", ".tiff", ".jfif"])
+def test_content_is_decoded_as_photographs_are(tmp_path: Path, suffix: str):
+    file, pixels = tmp_path / f"a{suffix}", read_photograph(PHONE)
+    if suffix == ".heic":
+        file.write_bytes(PHONE.read_bytes())
+    elif suffix == ".jp2":
+        cv2.imwrite(str(file), pixels[..., ::-1])
+    else:
+        kinds = {".avif": "AVIF", ".ppm": "PPM", ".tiff": "TIFF", ".jfif": "JPEG"}
+        Image.fromarray(pixels).save(file, kinds[suffix])
+    decoded = decoded_image(file.read_bytes())
+    assert decoded is not None
+    assert np.array_equal(decoded[..., ::-1], read_photograph(file))
 
 
 def test_folder_is_searched_to_its_depth_in_a_fixed_order(tmp_path: Path):

@@ -61,7 +61,9 @@ def test_no_checkpoint_leaves_the_training_as_it_is(
     assert caplog.messages == []
 
 
-@pytest.mark.parametrize("damage", ["cut short", "no tensor", "another network", "empty"])
+@pytest.mark.parametrize(
+    "damage", ["cut short", "no tensor", "another network", "another curve", "empty"]
+)
 def test_a_damaged_checkpoint_lets_the_training_start_over_with_a_warning(
     tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
 ):
@@ -74,6 +76,8 @@ def test_a_damaged_checkpoint_lets_the_training_start_over_with_a_warning(
         del tensors[last]
     elif damage == "another network":
         tensors[last] = torch.zeros(7)
+    elif damage == "another curve":
+        state["curve"][0].append(1.0)
     save_checkpoint(tmp_path, tensors, state)
     if damage in ("cut short", "empty"):
         (path,) = tmp_path.iterdir()

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from expected_errors import rejects
+from huge_pictures import huge_png
 from message_words import mentions
 
 from styletrf.errors import InputError
@@ -173,6 +174,21 @@ def test_what_cannot_be_a_style_is_an_input_error(
         path.write_bytes(content)
     with rejects(path, value):
         read_style_image(path)
+
+
+def test_a_painting_of_one_color_is_refused_at_any_size(tmp_path: Path):
+    """Sums in float32 gave a large one a contrast."""
+    bgr = np.full((1500, 1500, 3), 230, np.uint8)
+    bgr[::9, ::7] = 231
+    with rejects(write(tmp_path / "flat.png", bgr), "color"):
+        read_style_image(tmp_path / "flat.png")
+
+
+def test_a_painting_of_too_many_pixels_is_refused_with_the_bound(tmp_path: Path):
+    """It was called damaged."""
+    (tmp_path / "scan.png").write_bytes(huge_png())
+    with rejects(tmp_path / "scan.png", "2^30"):
+        read_style_image(tmp_path / "scan.png")
 
 
 def test_a_folder_is_an_input_error(tmp_path: Path):

@@ -14,7 +14,7 @@ from styletrf.configuration import configured
 from styletrf.content.content_images import ContentConfig, write_content_images
 from styletrf.content.content_sources import embedded_source
 from styletrf.style.perceptual import painting_size
-from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig
+from styletrf.style.perceptual.perceptual_loss import PerceptualLossConfig, mean_terms
 from styletrf.style.perceptual.vgg import VGG16
 from styletrf.style.style_network import StyleNetwork, StyleNetworkConfig
 from styletrf.style.training import step
@@ -27,6 +27,7 @@ from styletrf.style.training.temporal_loss import (
     jittered_pair,
 )
 from styletrf.style.training.trainer import begin
+from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +232,24 @@ def test_the_gradient_of_a_batch_is_the_mean_of_its_images(vgg: VGG16, threads: 
         torch.set_num_threads(before)
     torch.testing.assert_close(both, (first + second) / 2, rtol=1e-4, atol=1e-6)
     assert not torch.allclose(first, second, rtol=1e-2)
+
+
+def test_the_terms_of_images_computed_at_once_are_the_mean_of_their_own(vgg: VGG16):
+    """On a GPU, whose networks were trained by another loss than on a CPU."""
+    steady = TemporalLossConfig(weight=1.0, every=1)
+    config = replace(TINY, identity_iterations=0, temporal_loss=steady)
+    images = torch.rand(2, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    images[0] = 0.1 * images[0]
+    pair = jittered_pair(images, steady, torch.Generator().manual_seed(1))
+    training, own = begin(config, torch.device("cpu"))
+    initial = TransferNetwork(TransferNetworkConfig((2, 2, 2), 1), torch.Generator().manual_seed(2))
+    of_images = StyleStep(replace(own, color_weight=2.0), vgg, style(), initial)
+    parts = (ContentPair(*(getattr(pair, n)[k : k + 1] for n in pair.__slots__)) for k in (0, 1))
+    each = [of_images.terms(training.network, 5, part) for part in parts]
+    both, mean = of_images.terms(training.network, 5, pair), mean_terms(each)
+    for term in ("content", "style", "tv", "temporal", "color"):
+        torch.testing.assert_close(getattr(both, term), getattr(mean, term), rtol=1e-4, atol=1e-6)
+    assert float(mean.color.detach()) > 0
 
 
 def test_images_of_a_batch_are_moved_differently(vgg: VGG16):

@@ -37,6 +37,35 @@ def test_the_map_gives_mean_and_covariance():
     np.testing.assert_allclose(matrix, matrix.T, atol=1e-9, err_msg="moves colors least")
 
 
+def test_the_map_gives_the_mean_of_millions_of_colors():
+    """Sums in float32 lose what is small beside them: a large drawing lightened all views."""
+    source, light = all_colors(views(0)), all_colors(views(1)).astype(np.float32) ** 0.1
+    matrix, offset = color_map(source, np.tile(light, (1000, 1)))
+    moved = (source @ matrix.T + offset).mean(axis=0)
+    np.testing.assert_allclose(moved, light.mean(axis=0, dtype=np.float64), atol=1e-6)
+
+
+@pytest.mark.parametrize("colors", ["style", "photograph"])
+def test_a_ground_that_is_empty_does_not_change_the_colors_of_the_object(colors):
+    painted, plain = views(0), views(1)
+    rows = slice(0, 10)
+    opacity = np.zeros((24, 32), np.float32)
+    opacity[rows] = 1
+    alone = in_colors([p[rows] for p in painted], [p[rows] for p in plain], PAINTING, colors)
+    for image in (*painted, *plain):
+        image[10:] = 0.9
+    whole = in_colors(painted, plain, PAINTING, colors, [opacity, opacity])
+    for image, expected in zip(whole, alone, strict=True):
+        np.testing.assert_allclose(image[rows], expected, atol=1e-2)
+
+
+@pytest.mark.parametrize("colors", ["style", "photograph"])
+def test_views_that_show_nothing_keep_finite_colors(colors):
+    nothing = [np.zeros((24, 32), np.float32)] * 2
+    every, none = (in_colors(views(0), views(1), PAINTING, colors, o) for o in (None, nothing))
+    np.testing.assert_allclose(none, every, atol=1e-2)
+
+
 def test_colors_that_fit_already_stay():
     colors = all_colors(views(2))
     matrix, offset = color_map(colors, colors)

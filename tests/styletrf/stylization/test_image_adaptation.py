@@ -30,7 +30,8 @@ from styletrf.stylization.image_adaptation import (
     accumulate_gradient,
     adapt_to_image_loss,
 )
-from styletrf.stylization.strategies import StylizationConfig
+from styletrf.stylization.power_choice import PowerChoiceConfig
+from styletrf.stylization.strategies import Stylization, StylizationConfig, stylized
 from styletrf.stylization.view_windows import as_picture
 from styletrf.trajectory.frames import rendered
 from tasks.presets.presets import settings_for
@@ -159,6 +160,24 @@ def test_the_content_of_a_view_that_is_seen_whole_is_looked_at_once(scene, field
 def test_a_fit_fraction_that_is_no_fraction_is_refused(fraction):
     with pytest.raises(ValueError, match="fit_fraction"):
         StylizationConfig(fit_fraction=fraction)
+
+
+def test_without_iterations_on_renders_a_style_is_that_of_the_views_alone(scene, field):
+    """The fit to the views had two fifths of its iterations, and nothing followed it."""
+    config = StylizationConfig(
+        adaptation=AdaptationConfig(iterations=10, batch=64), appearance_scale=1.0,
+        single_owner=False, weight_power=PowerChoiceConfig(powers=(1.0,)),
+        image=ImageAdaptationConfig(iterations=0),
+    )  # fmt: skip
+
+    def appearance(match):
+        views = scene.images, 255 - scene.images
+        of_style = KERNELS, None, match
+        job = Stylization(copy.deepcopy(field), scene.model, scene.cameras, [], *views, *of_style)
+        return stylized(job, config)[0].appearance.state_dict()
+
+    of_views, matched = appearance("pixels"), appearance("distributions")
+    assert all(torch.equal(tensor, matched[name]) for name, tensor in of_views.items())
 
 
 def test_a_loss_that_says_nothing_of_color_leaves_the_painted_colors(scene, field):
