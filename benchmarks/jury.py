@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.settings import data_root
-from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES
+from styletrf.capture.photographs import PHOTOGRAPH_SUFFIXES, natural_order
 from styletrf.evaluation.metrics import Image
 from styletrf.evaluation.resemblance.efficientnet_lite import load_efficientnet
 from styletrf.evaluation.resemblance.frame_resemblance import (
@@ -135,7 +135,8 @@ def _sampled(colors: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _files(folder: Path) -> dict[str, Path]:
-    return {path.stem: path for path in sorted([*folder.glob("*.exr"), *folder.glob("*.png")])}
+    found = [*folder.glob("*.exr"), *folder.glob("*.png")]
+    return {path.stem: path for path in sorted(found, key=lambda path: natural_order(path.name))}
 
 
 def _read(path: Path) -> Image:

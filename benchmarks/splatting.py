@@ -3,8 +3,9 @@
     splatting.py stylized=out/horns/mosaic/frames photographs=data/scenes/horns/images --width 504
 
 A row of Markdown for each folder and gap, as `splatting_consistency` of
-`styletrf.evaluation.consistency` has them. Frames are PNG, JPEG or EXR files in the order of their
-names. RAFT and LPIPS are used where their weights are at hand; nothing is downloaded for them.
+`styletrf.evaluation.consistency` has them. Frames are PNG, JPEG or EXR files in the natural
+order of their names. RAFT and LPIPS are used where their weights are at hand; nothing is downloaded
+for them.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import cv2
 import numpy as np
 import torch
 
+from styletrf.capture.photographs import natural_order
 from styletrf.errors import InputError
 from styletrf.evaluation.consistency.splatting_consistency import (
     FIRST_FRAMES,
@@ -51,7 +53,8 @@ COLUMNS = {
 
 def frames_in(folder: Path, width: int) -> Iterator[Image]:
     """Yields the frames of a folder, of one width in pixels, in levels of 8 bits."""
-    for path in sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES):
+    frames = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
+    for path in sorted(frames, key=lambda path: natural_order(path.name)):
         image = read_float_image(path).color if path.suffix == ".exr" else read_rgb(path)
         size = width, round(width * image.shape[0] / image.shape[1])
         resized = cv2.resize(image, size, interpolation=cv2.INTER_AREA)

@@ -136,6 +136,7 @@ def spread_of(measurements: Iterable[Measurement]) -> Spread:
 def variants(measurements: Sequence[Measurement], part: Part) -> list[Measurement]:
     """Returns the measurements of one side, the unchanged quality first, the mean of its repeats.
 
+    Its memory, and the time that other work took, are those of the repeat that has most.
     A stage that a change shares with a repeat, being the very same artifact, took the mean as well.
 
     Raises:
@@ -156,9 +157,17 @@ def variants(measurements: Sequence[Measurement], part: Part) -> list[Measuremen
         tuning={},
         quality_db=quality_db,
         seconds=usual,
+        other_cpu_share=_most_disturbed(repeats),
+        peak_memory_bytes=max(m.peak_memory_bytes for m in repeats),
         consistency_ratio=fmean(ratios) if ratios else None,
     )
     return [mean, *(replace(m, seconds=_shared(m, took, usual)) for m in side if m.name)]
+
+
+def _most_disturbed(measurements: Sequence[Measurement]) -> float | None:
+    fractions = [m.other_cpu_share for m in measurements]
+    known = [fraction for fraction in fractions if fraction is not None]
+    return max(known) if len(known) == len(fractions) else None
 
 
 def _shared(
@@ -196,7 +205,6 @@ def _combined(
     scene, style = pair
     short = max(best[m.part] - m.quality_db for m in pair)
     seconds = stage_seconds(scene, style, usual[0])
-    fractions = [m.other_cpu_share for m in pair if m.other_cpu_share is not None]
     known = [spread.seconds[s] * t for s, t in seconds.items() if s in spread.seconds]
     return Combination(
         scene=scene.name,
@@ -207,7 +215,7 @@ def _combined(
         style_db=style.quality_db,
         seconds=sum(seconds.values()),
         seconds_spread=sum(t**2 for t in known) ** 0.5 if known else None,
-        other_cpu_share=max(fractions) if len(fractions) == len(pair) else None,
+        other_cpu_share=_most_disturbed(pair),
         peak_memory_bytes=max(m.peak_memory_bytes for m in pair),
         model_bytes=_bytes_kept(scene, style, usual[0]),
         stage_seconds=seconds,

@@ -41,7 +41,7 @@ def aligned_psnr(
         reference = from_integers(np.ascontiguousarray(photograph[..., :3].numpy()))
         counts = counted_pixels(photograph)
         sides = [side for side in LONG_SIDES_PX if side < max(camera.width, camera.height)]
-        moved = aligned(camera, reference, render, sides or LONG_SIDES_PX[:1]).camera
+        moved = aligned(camera, reference, render, sides or LONG_SIDES_PX[:1], counts).camera
         error = mean_squared_error(render(moved).color.numpy(), reference, counts)
         found.append(max(given, psnr_of_error(error)))
     return found

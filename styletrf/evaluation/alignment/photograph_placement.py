@@ -144,7 +144,10 @@ def _lenses(poses: Mapping[str, Any]) -> list[pycolmap.Camera]:
 
 
 def training_views(poses_dir: Path, model: SceneModel) -> list[View]:
-    """Returns the photographs that are not held out, their cameras in the normalized world."""
+    """Returns the photographs that are not held out, their cameras in the normalized world.
+
+    They are whole: masks have no part in the comparison with photographs without a camera.
+    """
     cameras = model.normalized(read_split(poses_dir / "cameras.parquet")[0], _LONG_SIDE_PX)
     images = load_views(poses_dir / "images", cameras)
     pixels = (np.ascontiguousarray(image[..., :3].numpy()) for image in images)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from styletrf.evaluation.flow import warp_to_a
 from styletrf.evaluation.metrics import Image, mean_squared_error
-from styletrf.geometry.cameras import Camera
+from styletrf.geometry.cameras import Camera, camera_numbers
 from styletrf.geometry.exact_flow import exact_flow
 
 Depth = Float[np.ndarray, "height width"]
@@ -33,8 +33,9 @@ class GeometricErrors:
         geometric_error: The mean square on [0, 1] over these pixels, of the stylized frames.
         geometric_floor: The same of the unstylized frames: resampling, view-dependent color.
         normalized_error: The error in windows over the contrast there, by the scene's detail, see
-            `_dissimilarity`: 0 for equal pictures, 1 for unrelated ones whatever their contrast
-            and where they have none, at most 2; NaN where the scene has no detail.
+            `_dissimilarity`: 1 for unrelated pictures whatever their contrast and where they have
+            none, at most 2. Equal pictures have 0 between equal cameras, and else what their
+            rounding is beside their contrast. NaN where the scene has no detail.
         normalized_floor: The same of the unstylized frames.
     """
 
@@ -64,11 +65,15 @@ class OwnErrors:
 
 @dataclass(frozen=True, slots=True)
 class Correspondence:
-    """The second frame seen from the first, and where it shows what the first one does."""
+    """The second frame seen from the first, and where it shows what the first one does.
+
+    `is_still` says that both cameras are equal, so that nothing moves between them.
+    """
 
     unstylized: Image
     stylized: Image
     seen: Mask
+    is_still: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +103,8 @@ def corresponding(
     unstylized, stylized = (
         warp_to_a(b, there, "cubic")[0].clip(0, 1) for b in (unstylized_b, stylized_b)
     )
-    return Correspondence(unstylized, stylized, seen)
+    _, numbers = zip(*map(camera_numbers, cameras), strict=True)
+    return Correspondence(unstylized, stylized, seen, np.array_equal(*numbers))
 
 
 def geometric_errors(unstylized_a: Image, stylized_a: Image, b: Correspondence) -> GeometricErrors:
@@ -108,7 +114,9 @@ def geometric_errors(unstylized_a: Image, stylized_a: Image, b: Correspondence) 
     moments = _moments(unstylized_a)
     detail = np.where(b.seen, moments.variance, 0)
     plain, painted = (
-        _dissimilarity(ours, known, np.where(b.seen[..., None], theirs, ours), detail)
+        _dissimilarity(
+            ours, known, np.where(b.seen[..., None], theirs, ours), detail, is_still=b.is_still
+        )
         for ours, known, theirs in (
             (unstylized_a, moments, b.unstylized),
             (stylized_a, _moments(stylized_a), b.stylized),
@@ -123,12 +131,14 @@ def geometric_errors(unstylized_a: Image, stylized_a: Image, b: Correspondence) 
     )
 
 
-def _dissimilarity(a: Image, of_a: _Moments, b: Image, weights: Weights) -> float:
+def _dissimilarity(
+    a: Image, of_a: _Moments, b: Image, weights: Weights, *, is_still: bool
+) -> float:
     """The weighted mean over windows of E (a - b)^2 over var a + var b + (E a - E b)^2.
 
     The structure of SSIM (Wang et al. 2004) without a constant to choose: both sums begin with what
     rounding to 8 bits adds, so that windows of no contrast, in which nothing can be seen to stay,
-    are unrelated.
+    are unrelated. Where nothing moves, both pictures are rounded alike, and that adds no error.
     """
     total = weights.sum()
     if total <= _VARIANCE_OF_ROUNDING * weights.size:
@@ -136,9 +146,9 @@ def _dissimilarity(a: Image, of_a: _Moments, b: Image, weights: Weights) -> floa
     of_b = _moments(b)
     apart = of_a.variance + of_b.variance + _over_channels((of_a.mean - of_b.mean) ** 2)
     squared = _over_channels((a.astype(np.float64) - b) ** 2)
-    error = cv2.blur(squared, (_WINDOW_PX, _WINDOW_PX))
     noise = 2 * _VARIANCE_OF_ROUNDING
-    return float((weights * (error + noise) / (apart + noise)).sum() / total)
+    error = cv2.blur(squared, (_WINDOW_PX, _WINDOW_PX)) + (0.0 if is_still else noise)
+    return float((weights * error / (apart + noise)).sum() / total)
 
 
 def _moments(image: Image) -> _Moments:

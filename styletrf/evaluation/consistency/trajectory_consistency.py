@@ -88,8 +88,8 @@ class Consistency:
     average; `pairs` and `perceptual_pairs`, their numbers; and those that a mean leaves out:
     `pairs_without_flow` (no pixel returns to itself), `pairs_without_correspondence` (nothing is
     seen in both frames) and `pairs_without_contrast` (the scene has no detail there). An entry of
-    `depth_deltas` has the attributes of `GeometricErrors` alone, and those of `OwnErrors` are there
-    where frames have depths of their own.
+    `depth_deltas` has the attributes of `GeometricErrors` alone. Where frames have depths of their
+    own, the attributes of `OwnErrors` are there, and `pairs_without_own_correspondence`.
     """
 
     pairs: list[dict[str, Any]]
@@ -206,6 +206,8 @@ def _summary(
     names = [field.name for field in fields(GeometricErrors)]
     if not all(math.isnan(row["own_fraction"]) for row in chosen):
         names += [field.name for field in fields(OwnErrors)]
+        lost = sum(row["own_fraction"] == 0 for row in chosen)
+        counts["pairs_without_own_correspondence"] = lost
     if all(pair.has_flow for pair in kinds):
         names += [field.name for kind in (FlowErrors, PerceptualErrors) for field in fields(kind)]
         names.remove("flow")

@@ -45,7 +45,7 @@ class TraitsConfig:
 
     Attributes:
         long_side_px: To this the longer side of frames is reduced.
-        vgg_px: To this it is reduced for VGG16.
+        vgg_px: To this it is reduced for VGG16, and the painting by the same factor.
         sliced_wasserstein: Settings of the samples of pixels and patches.
     """
 
@@ -99,21 +99,22 @@ class TraitMeter:
         long_px = self._config.long_side_px
         sharp_size = _reduced_size(frame, min(sharpness_px or long_px, long_px))
         judged = seen if sharp_size == size else _resized(frame, *sharp_size)
-        return self._traits(seen, sharpness(judged))
+        return self._traits(seen, sharpness(judged), max(size))
 
     def of_painting(self, painting: Picture, frame: Picture) -> PictureTraits:
         """Returns the traits of a painting at the size at which it compares with a frame.
 
         It is made smaller or larger, its proportions kept, until it has as many pixels as the
         reduced frame; no side becomes shorter than 32 pixels or the frame's shorter side, so that a
-        painting 500 times as long as wide is looked at compressed.
+        painting 500 times as long as wide is looked at compressed. VGG16 sees it at the same scale
+        as the frame.
         """
         height, width = self._size(frame)
         scale = np.sqrt(height * width / (painting.shape[0] * painting.shape[1]))
         least = min(_LEAST_SIDE_PX, height, width)
         down, across = (max(least, round(side * scale)) for side in painting.shape[:2])
         seen = _resized(painting, down, across)
-        return self._traits(seen, sharpness(seen))
+        return self._traits(seen, sharpness(seen), max(height, width))
 
     def _size(self, frame: Picture) -> tuple[int, int]:
         if min(frame.shape[:2]) < REDUCTION:
@@ -125,10 +126,10 @@ class TraitMeter:
         return _reduced_size(frame, self._config.long_side_px)
 
     @torch.inference_mode()
-    def _traits(self, image: Picture, sharp: float) -> PictureTraits:
+    def _traits(self, image: Picture, sharp: float, frame_px: int) -> PictureTraits:
+        """Returns the traits of an image beside a frame whose longer side is `frame_px`."""
         tensor = torch.from_numpy(image).to(self._vgg.mean.device)
-        height, width = image.shape[:2]
-        short_px = self._config.vgg_px * min(height, width) // max(height, width)
+        short_px = self._config.vgg_px * min(image.shape[:2]) // frame_px
         small = shrunk(tensor, max(REDUCTION, short_px))
         fast = small.contiguous(memory_format=torch.channels_last)
         seen = self._vgg.features(fast, [_TEXTURE_LAYER, _CONTENT_LAYER])

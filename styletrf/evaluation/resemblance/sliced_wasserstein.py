@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from styletrf.configuration import SEEDS, require_within
 from styletrf.errors import InputError
 
 Picture = Float[np.ndarray, "_ _ 3"]
@@ -49,6 +50,7 @@ class SlicedWassersteinConfig:
     def __post_init__(self) -> None:
         if min(self.directions, self.patch_px, self.scales, self.samples) < 1:
             raise ValueError("directions, patch_px, scales and samples are at least 1")
+        require_within(SEEDS, self, "seed")
 
 
 @dataclass(frozen=True, slots=True)

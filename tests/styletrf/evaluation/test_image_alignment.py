@@ -6,7 +6,7 @@ from alignment_cases import camera, photograph, plane
 
 from styletrf.evaluation.alignment.image_alignment import aligned, correlation, likeness
 from styletrf.evaluation.alignment.photograph_placement import place_photographs
-from styletrf.geometry.cameras import fitted_to
+from styletrf.geometry.cameras import fitted_to, resized
 
 
 @pytest.mark.parametrize("exposure", [(1.0, 0.0), (0.4, 0.05)])
@@ -26,6 +26,19 @@ def test_an_aligned_camera_stays_where_it_is():
     np.testing.assert_allclose(
         found.camera.world_from_camera, camera().world_from_camera, atol=1e-3
     )
+
+
+def test_pixels_that_all_count_are_compared_whatever_the_size_of_the_photograph():
+    render, asked = plane(0), []
+    large = resized(camera(), 6000, 900)
+    image = np.full((900, 6000, 3), 0.5, np.float32)
+
+    def watched(view):
+        asked.append(view)
+        return render(view)
+
+    aligned(large, image, watched, [96], np.ones((900, 6000), dtype=bool))
+    assert asked
 
 
 def test_alignment_never_ends_at_a_worse_correlation():

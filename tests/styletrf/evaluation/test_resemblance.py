@@ -1,6 +1,8 @@
 """Resemblance: the painting is nearest to itself, unstylized frames score 1, extremes end well."""
 
 import math
+import runpy
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -25,6 +27,7 @@ from styletrf.evaluation.resemblance.picture_traits import (
 )
 from styletrf.evaluation.resemblance.sliced_wasserstein import SlicedWassersteinConfig
 from styletrf.evaluation.sharpness import sharpness
+from styletrf.files.images import write_png
 from styletrf.style.perceptual.vgg import VGG16
 
 CONFIG = TraitsConfig(96, 64, SlicedWassersteinConfig(samples=1000))
@@ -64,6 +67,14 @@ def test_the_painting_is_no_way_from_itself_and_the_nearest_to_itself(meter: Tra
         assert distances(traits, traits) == pytest.approx(dict.fromkeys(STYLE_DISTANCES, 0.0),
                                                           abs=1e-6)  # fmt: skip
         assert set(nearest_painting(traits, paintings).values()) == {name}
+
+
+@pytest.mark.parametrize("shape", [(72, 96), (48, 144), (144, 48), (96, 288)])
+def test_a_painting_of_any_proportions_is_seen_at_the_scale_of_the_frame(meter: TraitMeter, shape):
+    """It has as many pixels as the frame, so VGG16 has as many places in it."""
+    frame = picture(0, 72, 96)
+    painting = meter.of_painting(picture(1, *shape), frame)
+    assert painting.content.shape == meter.of_frame(frame).content.shape
 
 
 def test_unstylized_frames_have_ratios_of_one_and_lose_nothing(meter: TraitMeter):
@@ -145,6 +156,19 @@ def test_resemblance_of_extreme_frames_and_paintings_is_finite(meter: TraitMeter
         stylized = picture(4, *frame.shape[:2])
         _, summary = measured(meter, frame, stylized, painting, frames=1)
         assert all(value is None or math.isfinite(value) for value in summary.values())
+
+
+def test_frames_of_other_names_are_paired_in_the_order_of_their_numbers(tmp_path):
+    script = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks/jury.py"))
+    for folder, name in (("plain", "{:02d}"), ("painted", "frame_{}")):
+        (tmp_path / folder).mkdir()
+        for number in (1, 2, 10):
+            level = np.full((8, 8, 3), number, np.uint8)
+            write_png(tmp_path / folder / f"{name.format(number)}.png", level, compression=1)
+    result = script["Result"]("", tmp_path, tmp_path / "painted", tmp_path / "plain")
+    views = result.views(3)
+    assert len(views) == 3
+    assert all(np.array_equal(plain, painted) for plain, painted in views)
 
 
 def test_a_frame_of_few_pixels_is_refused(meter: TraitMeter):

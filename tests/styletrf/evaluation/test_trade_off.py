@@ -71,6 +71,15 @@ def test_the_consistency_of_the_unchanged_quality_is_the_mean_of_the_known_ones(
     assert variants(repeats, "style")[0].consistency_ratio == pytest.approx(1.3)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_unchanged_quality_is_as_disturbed_and_takes_as_much_as_its_worst_repeat(order):
+    busy = replace(scene(), other_cpu_share=0.5, peak_memory_bytes=30)
+    unknown = replace(scene(), other_cpu_share=None)
+    usual = variants([scene(), busy][::order], "scene")[0]
+    assert (usual.other_cpu_share, usual.peak_memory_bytes) == (0.5, 30)
+    assert variants([busy, unknown][::order], "scene")[0].other_cpu_share is None
+
+
 def test_stages_that_render_follow_what_a_frame_costs():
     measured = [scene(), style(), scene("cheap frames", frames=15.0)]
     by_name = {p.scene: p for p in combinations(measured)}

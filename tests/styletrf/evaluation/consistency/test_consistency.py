@@ -94,6 +94,8 @@ def test_flicker_is_measured_as_twice_its_variance(measure, sigma):
             figures = result.summary[delta]
             assert figures[f"{kind}error"] == pytest.approx(2 * sigma**2, rel=0.05)
             assert figures[f"{kind}floor"] < 1e-9
+        assert figures["normalized_error"] > sigma**2, "contrasts are below 1"
+        assert figures["normalized_floor"] == 0
 
 
 def test_detail_of_four_pixels_is_no_error_half_a_pixel_further(measure):
@@ -218,14 +220,17 @@ def test_no_pair_goes_across_a_known_cut(measure):
     assert blind.summary["delta_1"]["geometric_error"] > 1e-4
 
 
-def test_stills_without_motion_are_measured_and_are_steady(measure):
+@pytest.mark.parametrize("contrast", [1.0, 0.05, 0.0])
+def test_stills_without_motion_are_measured_and_are_steady(measure, contrast):
     held = FRAMES // 2
     plain = [texture(0, WIDTH)] * held + [texture(5, WIDTH)] * held
-    painted = [texture(1, WIDTH)] * held + [texture(6, WIDTH)] * held
+    painted = [0.5 + contrast * (texture(seed, WIDTH) - 0.5) for seed in (1, 6)]
+    painted = [painted[0]] * held + [painted[1]] * held
     cameras = [replace(camera(10 * (k // held)), name=f"{k}") for k in range(FRAMES)]
     figures = measure(plain, painted, cameras=cameras, cuts=(held,)).summary
     assert figures["delta_1"]["error"] == pytest.approx(0, abs=1e-6)
     assert figures["delta_1"]["geometric_fraction"] == pytest.approx(1)
+    assert figures["delta_1"]["normalized_error"] == figures["delta_1"]["normalized_floor"] == 0
     assert figures["delta_5"]["pairs"] == 0
     assert figures["delta_5"]["error"] is None
 

@@ -18,7 +18,9 @@ from styletrf.evaluation.consistency.splatting_consistency import (
     splatting_errors,
 )
 from styletrf.evaluation.flow import FlowEstimator
+from styletrf.files.images import write_png
 
+BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
 HEIGHT, WIDTH = 20, 30
 
 
@@ -188,8 +190,17 @@ def test_the_first_sixteen_frames_are_the_protocols(rng):
     assert set(splatting_consistency(frames[:1], FlowEstimator("dis"))) == set()
 
 
+def test_frames_without_padded_numbers_are_read_in_the_order_of_their_numbers(tmp_path):
+    script = runpy.run_path(str(BENCHMARKS / "splatting.py"))
+    for number in (1, 2, 10, 11):
+        picture = np.full((HEIGHT, WIDTH, 3), number, np.uint8)
+        write_png(tmp_path / f"frame_{number}.png", picture, compression=1)
+    read = [round(255 * float(frame.mean())) for frame in script["frames_in"](tmp_path, WIDTH)]
+    assert read == [1, 2, 10, 11]
+
+
 def test_the_flow_is_that_of_raft_where_its_weights_are_at_hand_and_else_of_dis(monkeypatch):
-    script = runpy.run_path(str(Path(__file__).parents[4] / "benchmarks/splatting.py"))
+    script = runpy.run_path(str(BENCHMARKS / "splatting.py"))
     monkeypatch.setattr(torch.hub, "get_dir", lambda: "/nowhere")
     assert script["flow_by"]("auto")[0] == "dis"
     with pytest.raises(InputError):
