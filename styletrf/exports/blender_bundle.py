@@ -50,11 +50,13 @@ def write_blender_bundle(
 def _in_blender(camera: Camera) -> dict[str, Any]:
     """Returns name, size, lens and the 4x4 matrix of Blender's world from its camera.
 
-    Shifts are in units of the longer side, as Blender has them.
+    Blender measures the sensor and shifts by the side that is longer once its pixels have their
+    aspect, in widths of a pixel. It has no aspect below 1.
     """
     placed = moved(camera, BLENDER_FROM_GLTF @ UP_FROM_DOWN)
     matrix: Float[np.ndarray, "4 4"] = np.vstack([placed.world_from_camera, [0.0, 0.0, 0.0, 1.0]])
-    longer = max(camera.width, camera.height)
+    pixel_height = camera.fx / camera.fy  # in widths of a pixel
+    longer = max(camera.width, camera.height * pixel_height)
     return {
         "name": camera.name,
         "width": camera.width,
@@ -63,6 +65,7 @@ def _in_blender(camera: Camera) -> dict[str, Any]:
         "lens_mm": camera.fx * _SENSOR_MM / longer,
         "sensor_mm": _SENSOR_MM,
         "shift_x": (camera.width / 2 - camera.cx) / longer,
-        "shift_y": (camera.cy - camera.height / 2) / longer,
-        "pixel_aspect_y": camera.fx / camera.fy,
+        "shift_y": (camera.cy - camera.height / 2) * pixel_height / longer,
+        "pixel_aspect_x": max(1.0, 1 / pixel_height),
+        "pixel_aspect_y": max(1.0, pixel_height),
     }

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from styletrf.colmap import pycolmap
 from styletrf.geometry.cameras import Camera
+from styletrf.geometry.point_table import SparsePoints
 
 _OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -30,8 +32,10 @@ def write_transforms(path: Path, cameras: Sequence[Camera], folder: str, suffix:
     path.write_text(text + "\n")
 
 
-def write_colmap_model(folder: Path, cameras: Sequence[Camera], suffix: str) -> None:
-    """Writes a model without points: as binary files, and as text if it can hold the names.
+def write_colmap_model(
+    folder: Path, cameras: Sequence[Camera], suffix: str, points: SparsePoints | None = None
+) -> None:
+    """Writes a model as binary files, and as text if it can hold the names.
 
     Readers of text end a name at its first space, and some prefer text to binary files.
 
@@ -39,6 +43,7 @@ def write_colmap_model(folder: Path, cameras: Sequence[Camera], suffix: str) -> 
         folder: The folder to fill.
         cameras: The cameras, in the world; each gets a lens of its own.
         suffix: Of the images' names.
+        points: The points that the cameras see; their tracks name cameras by place.
     """
     model = pycolmap.Reconstruction()
     for number, camera in enumerate(cameras, start=1):
@@ -53,9 +58,30 @@ def write_colmap_model(folder: Path, cameras: Sequence[Camera], suffix: str) -> 
         world_from_camera = pycolmap.Rigid3d(rotation, camera.center_world)
         image = pycolmap.Image(name=f"{camera.name}{suffix}", camera_id=number, image_id=number)
         model.add_image_with_trivial_frame(image, world_from_camera.inverse())
+    if points is not None:
+        _add_points(model, points)
     model.write_binary(folder)
     if not any(map(str.isspace, "".join(camera.name for camera in cameras))):
         model.write_text(folder)
+
+
+def _add_points(model: pycolmap.Reconstruction, points: SparsePoints) -> None:
+    """Adds points with colors, errors and tracks to a model of images numbered from 1."""
+    place_in_image = np.zeros(len(points.observed_image), np.int64)
+    for row in np.unique(points.observed_image):
+        seen = np.flatnonzero(points.observed_image == row)
+        place_in_image[seen] = np.arange(len(seen))
+        pixels = [pycolmap.Point2D(pixel) for pixel in points.observed_pixel[seen]]
+        model.image(int(row) + 1).points2D = pycolmap.Point2DList(pixels)
+    elements = [
+        pycolmap.TrackElement(int(row) + 1, int(place))
+        for row, place in zip(points.observed_image, place_in_image, strict=True)
+    ]
+    tracks = pairwise([0, *np.cumsum(points.track_length)])
+    values = zip(points.xyz_world, points.rgb, points.error_px, tracks, strict=True)
+    for xyz, rgb, error, (start, end) in values:
+        number = model.add_point3D(xyz, pycolmap.Track(elements[start:end]), rgb)
+        model.point3D(number).error = error
 
 
 def _lens(camera: Camera) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from styletrf.trajectory.frames import rendered
 
 _MOST_PIXELS, _MOST_POINTS = 8_000_000, 4_000_000
 _FEWEST_VIEWS, _MOST_VIEWS = 24, 48
+_FARTHEST = 100.0  # from the origin, in the normalized unit: single precision rounds to 1e-7 of it
 
 Look = tuple[str, Callable[[], RadianceField]]
 """The name of a look, and the function that loads its field."""
@@ -114,6 +115,25 @@ def export_views(
     cameras = [fitted_to(camera, side) for camera in evenly_spread(every, count)]
     renders = list(rendered(field, model.space, cameras, RenderConfig(), device, progress))
     return ExportViews(model, field, cameras, renders, device)
+
+
+def offset_world(model: SceneModel) -> Float[np.ndarray, " 3"]:
+    """Returns the point of the world that is the origin of files in single precision.
+
+    It is the world's own origin, or that of the normalized world where this is far away, as in
+    georeferenced poses.
+    """
+    world_from_normalized = np.linalg.inv(model.normalized_from_world)
+    origin: Float[np.ndarray, " 3"] = world_from_normalized[:3, 3]
+    unit = np.cbrt(np.linalg.det(world_from_normalized[:3, :3]))
+    return origin if np.linalg.norm(origin) > _FARTHEST * unit else np.zeros(3)
+
+
+def stored_from_normalized(model: SceneModel) -> Float[np.ndarray, "4 4"]:
+    """Returns the similarity from the normalized world to the world less its offset."""
+    stored: Float[np.ndarray, "4 4"] = np.linalg.inv(model.normalized_from_world)
+    stored[:3, 3] -= offset_world(model)
+    return stored
 
 
 def surface_points(cameras: Sequence[Camera], renders: Sequence[Rendering]) -> SurfacePoints:

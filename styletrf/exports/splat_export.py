@@ -13,8 +13,8 @@ from safetensors.torch import save_file
 from styletrf.capture.view_images import Image as ViewImage
 from styletrf.evaluation.metrics import mean_squared_error
 from styletrf.evaluation.quality import counted_pixels
-from styletrf.exports.export_views import ExportViews, Look
-from styletrf.exports.splat_files import read_splats, write_splat_ply, write_spz
+from styletrf.exports.export_views import ExportViews, Look, stored_from_normalized
+from styletrf.exports.splat_files import read_splats, storable_in_spz, write_splat_ply, write_spz
 from styletrf.exports.splat_fit import Pictures, SplatFitConfig, fitted_splats
 from styletrf.exports.splat_pictures import splat_picture
 from styletrf.exports.splat_placement import placed_splats
@@ -67,23 +67,29 @@ def export_splats(
         progress: Called after every picture of a look, and after every iteration of the fit.
 
     Returns:
-        The number of splats, the background, and the loss of each look in dB.
+        The number of splats, the background, and the loss of each look in dB; a `note` if splats
+        are too far away for `spz`, and so left out.
 
     Raises:
-        InputError: There is no surface at all.
+        InputError: There is no surface at all, or many splats are too far away for `spz`.
     """
-    first = tensors_of(_placed(views, most))
+    placed, stored_from = _placed(views, most), stored_from_normalized(views.model)
+    notes = {}
+    if file_format == "spz":
+        near = storable_in_spz(moved_splats(placed, stored_from))
+        if not near.all():
+            left_out = f"{(~near).sum()} of {len(placed)} splats"
+            notes["note"] = f"beyond the range of .spz, and so left out: {left_out}"
+            placed = placed.chosen(near)
     splats, colors = fitted_splats(
-        first, _pictures(views, looks, progress), SplatFitConfig(), progress
+        tensors_of(placed), _pictures(views, looks, progress), SplatFitConfig(), progress
     )
-    in_world = moved_splats(
-        splats_of_tensors(splats), np.linalg.inv(views.model.normalized_from_world)
-    )
+    stored = moved_splats(splats_of_tensors(splats), stored_from)
     write = {"ply": write_splat_ply, "spz": write_spz}[file_format]
     banks, measured = {}, {}
     for (name, load), bank in zip(looks, colors.split(3, dim=1), strict=True):
         path, field = out / f"{name}.{file_format}", load()
-        write(path, in_world, bank.numpy())
+        write(path, stored, bank.numpy())
         banks[name] = (bank * 255).round().byte().contiguous()
         measured[name] = {
             "bytes": path.stat().st_size,
@@ -91,7 +97,7 @@ def export_splats(
             **_losses(path, field, views, held_out, is_photographs=field is views.field),
         }
     save_file(banks, out / "colors.safetensors")
-    return {"splats": len(in_world), "looks": measured}
+    return {"splats": len(stored), "looks": measured, **notes}
 
 
 def _placed(views: ExportViews, most: int) -> Splats:
@@ -125,7 +131,8 @@ def _losses(
     photographs.
     """
     splats, colors = read_splats(path)
-    tensors = tensors_of(moved_splats(splats, views.model.normalized_from_world))
+    normalized_from_stored = np.linalg.inv(stored_from_normalized(views.model))
+    tensors = tensors_of(moved_splats(splats, normalized_from_stored))
     background, bank = _background(field), torch.from_numpy(colors)
     renders = rendered(field, views.model.space, held_out.cameras, RenderConfig(), views.device)
     of_views: dict[str, list[float]] = {"psnr_to_field": [], "splats_psnr": [], "field_psnr": []}

@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from styletrf.exports.export_views import ExportViews, Look, point_colors
+from styletrf.exports.export_views import (
+    ExportViews,
+    Look,
+    point_colors,
+    stored_from_normalized,
+)
 from styletrf.exports.splat_placement import voxel_means, voxels_of
 from styletrf.exports.surface_files import write_glb, write_points
 from styletrf.exports.surface_mesh import (
@@ -17,6 +22,7 @@ from styletrf.exports.surface_mesh import (
     vertex_colors,
 )
 from styletrf.progress import Progress
+from styletrf.scene.placement import transformed
 
 MOST_POINTS = 1_000_000
 MOST_LATTICE_POINTS = 4_000_000
@@ -42,12 +48,12 @@ def export_points(
     """
     points = views.points()
     voxel = voxels_of(views.to_grid(points.positions), views.field.resolution, MOST_POINTS)
-    world = _in_world(views, voxel_means(points.positions, voxel))
+    stored = _stored(views, voxel_means(points.positions, voxel))
     for number, (name, load) in enumerate(looks):
         colors = point_colors(views.renders, views.pictures(load()))
-        write_points(out / f"{name}.ply", world, voxel_means(colors, voxel))
+        write_points(out / f"{name}.ply", stored, voxel_means(colors, voxel))
         progress(number + 1, len(looks))
-    return {"points": len(world), **_surface_in_words(views)}
+    return {"points": len(stored), **_surface_in_words(views)}
 
 
 def export_mesh(
@@ -70,11 +76,11 @@ def export_mesh(
     space = views.model.space.within(views.field.bounds)
     resolution = lattice_within(views.field.resolution, MOST_LATTICE_POINTS)
     mesh = surface_mesh(views.cameras, views.renders, space.to_world, resolution)
-    in_world = SurfaceMesh(_in_world(views, mesh.vertices), mesh.triangles)
+    stored = SurfaceMesh(_stored(views, mesh.vertices), mesh.triangles)
     depths = [render.median_depth.numpy() for render in views.renders]
     for number, (name, load) in enumerate(looks):
         colors = vertex_colors(mesh, views.cameras, depths, views.pictures(load()))
-        write_glb(out / f"{name}.glb", in_world, colors)
+        write_glb(out / f"{name}.glb", stored, colors)
         progress(number + 1, len(looks))
     sizes = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     return {**sizes, **_surface_in_words(views)}
@@ -88,8 +94,6 @@ def _surface_in_words(views: ExportViews) -> dict[str, Any]:
     return {"surface_share": fraction, "note": word}
 
 
-def _in_world(views: ExportViews, points: np.ndarray) -> np.ndarray:
-    """Returns points of the normalized world in COLMAP's."""
-    world_from_normalized = np.linalg.inv(views.model.normalized_from_world)
-    world: np.ndarray = points @ world_from_normalized[:3, :3].T + world_from_normalized[:3, 3]
-    return world
+def _stored(views: ExportViews, points: np.ndarray) -> np.ndarray:
+    """Returns points of the normalized world as files have them."""
+    return transformed(stored_from_normalized(views.model), points)

@@ -12,6 +12,7 @@ from styletrf.exports.surface_mesh import SurfaceMesh
 from styletrf.files.atomic_write import atomic_write
 
 _UNLIT = "KHR_materials_unlit"
+_COLORS = "_LINEAR"  # an attribute of our own, since trimesh rounds its colors to 8 bits
 
 
 def write_points(
@@ -26,26 +27,29 @@ def write_points(
 def write_glb(path: Path, mesh: SurfaceMesh, colors: Float[np.ndarray, "vertices 3"]) -> None:
     """Writes a mesh with a color at each vertex, to be shown as it is, without light.
 
-    glTF's world has x right, y up, z back, and its colors are linear.
+    glTF's world has x right, y up, z back, and its colors are linear: as floats, since 8 bits
+    would leave few dark levels.
     """
     trimesh = import_module("trimesh")
     shape = trimesh.Trimesh(
         mesh.vertices @ UP_FROM_DOWN[:3, :3].T, mesh.triangles,
-        vertex_colors=_opaque(_linear(colors)), process=False,
+        vertex_attributes={_COLORS: _linear(np.clip(colors, 0, 1)).astype(np.float32)},
+        process=False,
     )  # fmt: skip
     export = import_module("trimesh.exchange.gltf").export_glb
     with atomic_write(path) as partial:
-        partial.write_bytes(export(trimesh.Scene(shape), tree_postprocessor=_made_unlit))
+        partial.write_bytes(export(trimesh.Scene(shape), tree_postprocessor=_finish))
 
 
-def _made_unlit(tree: dict[str, Any]) -> None:
-    """Gives the mesh a material that light does not change."""
+def _finish(tree: dict[str, Any]) -> None:
+    """Makes the attribute the colors, and gives the mesh a material that light does not change."""
     plain = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     tree["materials"] = [{"pbrMetallicRoughness": plain, "extensions": {_UNLIT: {}}}]
     tree["extensionsUsed"] = sorted({*tree.get("extensionsUsed", []), _UNLIT})
     for mesh in tree["meshes"]:
         for primitive in mesh["primitives"]:
             primitive["material"] = 0
+            primitive["attributes"]["COLOR_0"] = primitive["attributes"].pop(_COLORS)
 
 
 def _linear(colors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -20,6 +20,7 @@ ToWorld = Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, "points 3"
 _TRUNCATION_CELLS = 3.0
 _BEHIND = 1.25  # times the depth, up to which the inside reaches: far cells are long
 _DEFINITE = 0.05  # of the depth, by which its mean and its median may differ on a surface
+_SEEN = 1e-3  # opacity, below which a pixel shows the background alone
 _VISIBLE = 0.02  # of the depth, by which a vertex may lie behind what a view sees
 
 
@@ -37,17 +38,19 @@ class SurfaceMesh:
 
 
 def surface_fraction(renders: Sequence[Rendering]) -> float:
-    """Returns the fraction of pixels whose ray meets a definite surface.
+    """Returns the fraction of pixels with a definite surface, of those that show anything.
 
-    There the median depth is finite, and the mean depth within 5 % of it.
+    There the median depth is finite, and the mean depth within 5 % of it. It is 0 where
+    none shows anything.
     """
-    fractions = []
+    definite, shown = 0, 0
     for render in renders:
         median, mean = render.median_depth.numpy(), render.depth.numpy()
         finite = np.isfinite(median) & np.isfinite(mean)
         apart = np.abs(mean[finite] - median[finite])
-        fractions.append(float((apart < _DEFINITE * median[finite]).sum() / finite.size))
-    return float(np.mean(fractions))
+        definite += int((apart < _DEFINITE * median[finite]).sum())
+        shown += int((render.opacity.numpy() >= _SEEN).sum())
+    return definite / max(shown, 1)
 
 
 def surface_mesh(

@@ -14,6 +14,11 @@ from styletrf.errors import InputError
 from styletrf.files.atomic_write import atomic_write
 
 _COLOR_CHANNELS = ("R", "G", "B")
+_COMMENTS = (
+    "R G B: in the encoding of sRGB, not linear, and blended with the background. "
+    "A: opacity, by which R G B are not to be blended again. "
+    "Z: depth along the camera's axis."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +26,7 @@ class FloatImage:
     """One rendered view; float32 in memory, whichever precision the file has.
 
     Attributes:
-        color: The sRGB-encoded color, nominally in [0, 1], nothing clipped.
+        color: The sRGB-encoded color over the background, nominally in [0, 1], nothing clipped.
         opacity: 0 where the ray passed through, 1 where it was stopped.
         depth: The depth along the camera's axis; +inf where nothing was hit.
     """
@@ -54,7 +59,11 @@ def write_float_image(
         channels["A"] = np.ascontiguousarray(opacity, dtype=stored)
         channels["Z"] = np.ascontiguousarray(depth, dtype=np.float32)
     _check_values(path, channels)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "comments": _COMMENTS,
+    }
     with atomic_write(path) as partial:
         OpenEXR.File(header, channels).write(str(partial))
 

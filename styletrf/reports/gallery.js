@@ -1,9 +1,10 @@
 // What is shown, and in which order.
+const inSearch = (text) => text.toLowerCase().normalize();  // macOS takes letters and accents apart
 const gallery = document.querySelector(".gallery"), controls = document.querySelector(".controls");
 const tiles = [...document.querySelectorAll(".tile")].map((tile) => {
   const { scene, style } = tile.dataset;
   const scores = JSON.parse(tile.dataset.scores), isMade = tile.classList.contains("made");
-  return { tile, scene, style, scores, isMade, words: `${scene} ${style}`.toLowerCase() };
+  return { tile, scene, style, scores, isMade, words: inSearch(`${scene} ${style}`) };
 });
 
 const named = new Intl.Collator().compare;
@@ -18,7 +19,7 @@ const order = (key, sign) => (a, b) =>
 
 const field = (name) => controls.elements.namedItem(name);
 const filter = () => {
-  const words = field("words").value.toLowerCase().split(/\s+/).filter(Boolean);
+  const words = inSearch(field("words").value).split(/\s+/).filter(Boolean);
   const scene = field("scene").value, style = field("style").value, state = field("state").value;
   const measure = field("measure").value, [low, high] = [field("low").value, field("high").value];
   const isWithin = ({ scores }) => {

@@ -13,13 +13,20 @@ from styletrf.devices import device_named
 from styletrf.evaluation.quality import views_that_count
 from styletrf.exports.blender_bundle import write_blender_bundle
 from styletrf.exports.camera_files import write_colmap_model, write_transforms
-from styletrf.exports.export_views import ExportViews, Look, export_views
+from styletrf.exports.export_views import (
+    ExportViews,
+    Look,
+    export_views,
+    offset_world,
+    stored_from_normalized,
+)
 from styletrf.exports.splat_export import MOST_SPLATS, HeldOut, export_splats
 from styletrf.exports.surface_export import export_mesh, export_points
 from styletrf.field.radiance_field import load_field, load_stylized_field
 from styletrf.files.video_frames import video_info
 from styletrf.geometry.camera_table import read_cameras, read_split
-from styletrf.geometry.cameras import moved
+from styletrf.geometry.cameras import Camera, moved
+from styletrf.geometry.point_table import read_points
 from styletrf.scene.scene_model import SceneModel, read_scene_model
 from styletrf.steps.step_run import StepRun
 
@@ -48,7 +55,7 @@ def export_scene(
         styles: Names of the styles.
 
     Raises:
-        InputError: There is no surface to export.
+        InputError: There is no surface to export, or many splats are too far away for `spz`.
     """
     if file_format == "cameras":
         report = _export_cameras(inputs, out)
@@ -65,8 +72,9 @@ def export_scene(
             report = export_points(out, views, looks, run.progress)
         else:
             report = export_mesh(out, views, looks, run.progress)
+        report["offset_world"] = offset_world(model).tolist()
         if file_format == "blender":
-            _write_bundle(inputs, out)
+            _write_bundle(inputs, out, model)
     text = json.dumps({"format": file_format, **report}, indent=1, sort_keys=True)
     (out / "export.json").write_text(text + "\n")
 
@@ -96,29 +104,33 @@ def _held_out(poses: Path, model: SceneModel) -> HeldOut:
 
 
 def _export_cameras(inputs: Mapping[str, Path], out: Path) -> dict[str, Any]:
-    """Writes the photographs' cameras and the fly-through's, both in COLMAP's world."""
+    """Writes the photographs' cameras and points, and the fly-through's, in COLMAP's world."""
     cameras = read_cameras(inputs["poses"] / "cameras.parquet")
-    path = _path_in_world(inputs)
+    points = read_points(inputs["poses"] / "points.parquet")
+    model = read_scene_model(inputs["model"] / "scene.json")
+    path = _path(inputs, np.linalg.inv(model.normalized_from_world))
     write_transforms(out / "transforms.json", cameras, "images", ".png")
     write_transforms(out / "transforms_path.json", path, "frames", ".exr")
-    for name, some, suffix in (("sparse", cameras, ".png"), ("sparse_path", path, ".exr")):
-        (out / name / "0").mkdir(parents=True)
-        write_colmap_model(out / name / "0", some, suffix)
-    model = read_scene_model(inputs["model"] / "scene.json")
+    sparse, sparse_path = out / "sparse/0", out / "sparse_path/0"
+    for folder in (sparse, sparse_path):
+        folder.mkdir(parents=True)
+    write_colmap_model(sparse, cameras, ".png", points)
+    write_colmap_model(sparse_path, path, ".exr")
     scale = float(np.cbrt(np.linalg.det(model.normalized_from_world[:3, :3])))
-    counts = {"photographs": len(cameras), "path": len(path)}
+    counts = {"photographs": len(cameras), "path": len(path), "points": len(points.xyz_world)}
     return {**counts, "world_units_per_depth": 1 / scale}
 
 
-def _write_bundle(inputs: Mapping[str, Path], out: Path) -> None:
+def _write_bundle(inputs: Mapping[str, Path], out: Path, model: SceneModel) -> None:
     rate = float(video_info(inputs["trajectory"] / "video.mp4").frames_per_second)
-    photographed = read_cameras(inputs["poses"] / "cameras.parquet")
-    write_blender_bundle(out, photographed, _path_in_world(inputs), rate)
+    stored = stored_from_normalized(model)
+    stored_from_world = stored @ model.normalized_from_world
+    cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+    photographed = [moved(camera, stored_from_world) for camera in cameras]
+    write_blender_bundle(out, photographed, _path(inputs, stored), rate)
 
 
-def _path_in_world(inputs: Mapping[str, Path]) -> list[Any]:
-    """Returns the fly-through's cameras, which are kept in the normalized world, in COLMAP's."""
-    model = read_scene_model(inputs["model"] / "scene.json")
-    world_from_normalized = np.linalg.inv(model.normalized_from_world)
+def _path(inputs: Mapping[str, Path], new_from_normalized: np.ndarray) -> list[Camera]:
+    """Returns the fly-through's cameras in a new world."""
     path = read_cameras(inputs["trajectory"] / "cameras.parquet")
-    return [moved(camera, world_from_normalized) for camera in path]
+    return [moved(camera, new_from_normalized) for camera in path]

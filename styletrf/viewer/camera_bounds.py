@@ -14,6 +14,7 @@ from styletrf.geometry.cameras import Camera
 _MOST_GUIDES = 400
 _LEAST_RADIUS = 0.02  # of the extent of all cameras
 _REACH_RAD = 0.5
+_ALONG = 0.98  # cosine of the angle to the vertical, above which a view looks along it
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,7 @@ class CameraBounds:
 
     Attributes:
         guides: The centers and directions of cameras, in the normalized world.
-        down: The world's down, as most cameras are held; a unit vector.
+        down: The vertical that the camera turns about, as most cameras are held; a unit vector.
         radius: How far from a guide the camera may be.
         reach_rad: By what angle its direction may differ from that guide's.
     """
@@ -41,11 +42,23 @@ def camera_bounds(photographed: Sequence[Camera], path: Sequence[Camera]) -> Cam
     every = [*path, *photographed]
     some = every[:: -(-len(every) // _MOST_GUIDES)]
     guides = [(c.center_world.tolist(), c.forward_world.tolist()) for c in some]
-    mean = np.mean([camera.world_from_camera[:, 1] for camera in photographed], axis=0)
-    if np.linalg.norm(mean) < 1e-3:
-        mean = path[0].world_from_camera[:, 1]
-    x, y, z = (mean / np.linalg.norm(mean)).tolist()
+    x, y, z = _down(photographed, path).tolist()
     return CameraBounds(guides, (x, y, z), _radius(photographed, every), _REACH_RAD)
+
+
+def _down(photographed: Sequence[Camera], path: Sequence[Camera]) -> Float[np.ndarray, " 3"]:
+    """Returns the mean down of the photographs.
+
+    It is the path's own where there is none, or where most photographs look along it: turning
+    about it would only roll the picture.
+    """
+    mean = np.mean([camera.world_from_camera[:, 1] for camera in photographed], axis=0)
+    length = np.linalg.norm(mean)
+    along = np.abs([camera.forward_world @ mean for camera in photographed])
+    if length < 1e-3 or np.median(along) > _ALONG * length:
+        return path[0].world_from_camera[:, 1]
+    down: Float[np.ndarray, " 3"] = mean / length
+    return down
 
 
 def _radius(photographed: Sequence[Camera], every: Sequence[Camera]) -> float:

@@ -48,6 +48,8 @@ class RefitConfig:
     Attributes:
         samples: About the most samples of the rays of all cameras together; time and memory grow
             with them.
+        samples_of_point: About the most samples there for each point that is fitted: with ten,
+            pictures of the demo's courtyard lose 0.04 dB against twenty, and with five 0.4 dB.
         passes: The number of passes over all rays.
         subsets: The number of subsets of the cameras, one after another in a pass.
         prior: The weight of the color of the mean direction, in units of a sample's weight.
@@ -55,6 +57,7 @@ class RefitConfig:
     """
 
     samples: int = 36_000_000
+    samples_of_point: float = 10.0
     passes: int = 8
     subsets: int = 4
     prior: float = 0.02
@@ -219,7 +222,8 @@ def _subsets(
 ) -> list[_SeenColors]:
     """Returns the samples of each subset of the cameras, every n-th of them."""
     n_subsets = min(config.subsets, len(views.cameras))
-    pixels = config.samples / len(views.cameras) / _samples_of_ray(field, views)
+    samples = min(config.samples, config.samples_of_point * float(lattice.needed.sum()))
+    pixels = samples / len(views.cameras) / _samples_of_ray(field, views)
     found = []
     for first in range(n_subsets):
         cameras = views.cameras[first::n_subsets]

@@ -1,6 +1,8 @@
 """Watches a store for the viewer of a scene, and for styles that are added meanwhile."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from threading import Event
 
 from pipeline.maintenance.task_graph import stored_tasks
@@ -20,9 +22,19 @@ Bake = Callable[[str], tuple[BakedLook, str]]
 
 
 def known_styles() -> list[str]:
-    """Returns the names of the images in the folder of styles, in their order."""
+    """Returns the names of the images in the folder of styles, in their order.
+
+    Those that share a name have it with the suffix.
+    """
+    return list(_paintings())
+
+
+def _paintings() -> dict[str, Path]:
+    """Returns the images in the folder of styles by their names."""
     files = sorted((data_root() / "styles").glob("[!.]*"))
-    return [file.stem for file in files if file.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    images = [file for file in files if file.suffix.lower() in PHOTOGRAPH_SUFFIXES]
+    count = Counter(file.stem for file in images)
+    return {file.stem if count[file.stem] == 1 else file.name: file for file in images}
 
 
 def adapted_styles(viewer: Viewer) -> list[str]:
@@ -33,9 +45,11 @@ def adapted_styles(viewer: Viewer) -> list[str]:
     return [style for style in _styles_with_fields(viewer) if not is_name_of_photographs(style)]
 
 
-def _styles_with_fields(viewer: Viewer) -> list[str]:
-    fields = {style: viewer.upstream(StylizedField, style=style) for style in known_styles()}
-    return [style for style, field in fields.items() if _is_complete(field)]
+def _styles_with_fields(viewer: Viewer) -> dict[str, Path]:
+    """Returns the paintings whose fields are in the store, by their names."""
+    paintings = _paintings()
+    fields = {style: viewer.upstream(StylizedField, style=style) for style in paintings}
+    return {style: paintings[style] for style, field in fields.items() if _is_complete(field)}
 
 
 def _is_complete(field: StylizedField) -> bool:
@@ -74,14 +88,15 @@ def best_quality(viewers: Sequence[Viewer]) -> Viewer:
 def watch_store(viewer: Viewer, live: LiveViewer, bake: Bake, stop: Event) -> None:
     """Adds the styles of a viewer as they come, until `stop` is set.
 
-    A style that cannot be shown is reported in the page.
+    A style that cannot be shown is reported in the page. One that is shown keeps its name there,
+    although an image that comes later may give it another one.
     """
-    seen, problems = set[str](), list[str]()
+    seen, problems = set[Path](), list[str]()
     while not stop.is_set():
-        for style in _styles_with_fields(viewer):
-            if style in seen or stop.is_set():
+        for style, painting in _styles_with_fields(viewer).items():
+            if painting in seen or stop.is_set():
                 continue
-            seen.add(style)
+            seen.add(painting)
             live.report = " ".join([*problems, f"{style} is being prepared."])
             try:
                 require_other_name(f"style {style}", style)

@@ -9,21 +9,27 @@ const poseOf = (right, down, ahead, center) => [0, 1, 2].flatMap((i) => [right[i
 
 const MOST_PITCH = 1.5, MOST_ZOOM = 8;
 
+// A lens but for its zoom: the focal length down and the place of the principal point, by the focal length across.
+const shapeOf = ({ width, height, fx, fy, cx, cy }) =>
+  [fy / height, cx / width - 0.5, cy / height - 0.5].map((v) => v / (fx / width));
+
 const makeNavigation = (scene) => {
   const path = scene.path, guides = scene.guides;
   const down = unit(scene.down);  // of the world, as most cameras hold it
-  const north = unit(add(column(path[0].pose, 2), down, -dot(column(path[0].pose, 2), down)));
+  const level = (v) => add(v, down, -dot(v, down));
+  const isLong = (v) => Math.hypot(...v) > 1e-3;
+  const north = unit([2, 1].map((k) => level(column(path[0].pose, k))).find(isLong));
   const east = cross(down, north);
-  const lens = path[0], aspect = lens.width / lens.height;
+  const lens = path[0], aspect = lens.width / lens.height, usual = shapeOf(lens);
   const zooms = path.map((frame) => (frame.fx / frame.width) / (lens.fx / lens.width));  // of the fly-through's lens
   const leastZoom = Math.min(...zooms), mostZoom = MOST_ZOOM * Math.max(...zooms);
   let followed = 1;  // the part of the zoom that Play leaves behind: that of the frame or the view shown last
-  const state = { center: [0, 0, 0], yaw: 0, pitch: 0, roll: 0, zoom: 1 };
+  const state = { center: [0, 0, 0], yaw: 0, pitch: 0, roll: 0, zoom: 1, shape: usual };
 
   const axes = ({ yaw, pitch, roll }) => {
-    const level = add(north.map((v) => v * Math.cos(yaw)), east, Math.sin(yaw));
-    const ahead = add(level.map((v) => v * Math.cos(pitch)), down, -Math.sin(pitch));
-    const right = unit(cross(down, level)), below = cross(ahead, right);
+    const heading = add(north.map((v) => v * Math.cos(yaw)), east, Math.sin(yaw));
+    const ahead = add(heading.map((v) => v * Math.cos(pitch)), down, -Math.sin(pitch));
+    const right = unit(cross(down, heading)), below = cross(ahead, right);
     return {
       ahead,
       right: add(right.map((v) => v * Math.cos(roll)), below, Math.sin(roll)),
@@ -32,10 +38,10 @@ const makeNavigation = (scene) => {
   };
   const look = (ahead) => {
     state.yaw = Math.atan2(dot(ahead, east), dot(ahead, north));
-    state.pitch = clamp(Math.asin(clamp(-dot(ahead, down), -1, 1)), -MOST_PITCH, MOST_PITCH);
+    state.pitch = Math.asin(clamp(-dot(ahead, down), -1, 1));
   };
-  const show = (pose, zoom = 1) => {
-    Object.assign(state, { center: column(pose, 3), zoom, roll: 0 });
+  const show = (pose, zoom = 1, shape = usual) => {
+    Object.assign(state, { center: column(pose, 3), zoom, shape, roll: 0 });
     followed = zoom;
     look(column(pose, 2));
     const flat = axes(state), right = column(pose, 0);
@@ -66,8 +72,9 @@ const makeNavigation = (scene) => {
   const turn = (x, y) => {  // by shares of the picture's height, as a drag does
     const angle = 1 / (lens.fy / lens.height) / state.zoom;
     const distance = pivot(), target = add(state.center, axes(state).ahead, distance);
+    const most = Math.max(MOST_PITCH, Math.abs(state.pitch));  // a view that was given may be steeper
     state.yaw += (inward ? 1 : -1) * x * angle;
-    state.pitch = clamp(state.pitch + (inward ? -1 : 1) * y * angle, -MOST_PITCH, MOST_PITCH);
+    state.pitch = clamp(state.pitch + (inward ? -1 : 1) * y * angle, -most, most);
     state.roll = 0;
     if (inward) {
       state.center = add(target, axes(state).ahead, -distance);
@@ -91,27 +98,28 @@ const makeNavigation = (scene) => {
   const zoomBy = (factor) => { state.zoom = clamp(state.zoom * factor, leastZoom, mostZoom); };
   const follow = (k) => {  // through the lens of a frame, zoomed as the user had the one before
     const zoom = clamp(state.zoom / followed, 1, MOST_ZOOM);
-    show(path[k].pose, zoom * zooms[k]);
+    show(path[k].pose, zoom * zooms[k], shapeOf(path[k]));
     followed = zooms[k];
   };
 
   const poseAt = (at) => { const { right, down: below, ahead } = axes(at); return poseOf(right, below, ahead, at.center); };
   const pose = () => poseAt(state);
-  const view = (width, height, seen = { pose: pose(), zoom: state.zoom }) => ({
-    pose: seen.pose,
-    fx: (lens.fx / lens.width) * width * seen.zoom,
-    fy: (lens.fy / lens.height) * height * seen.zoom,
-    cx: width * (0.5 + (lens.cx / lens.width - 0.5) * seen.zoom),
-    cy: height * (0.5 + (lens.cy / lens.height - 0.5) * seen.zoom),
-  });
+  const view = (width, height, seen = { ...state, pose: pose() }) => {
+    const focal = (lens.fx / lens.width) * seen.zoom, [down, right, below] = seen.shape.map((v) => focal * v);
+    return { pose: seen.pose, fx: width * focal, fy: height * down, cx: width * (0.5 + right), cy: height * (0.5 + below) };
+  };
   const NAMES = ["yaw", "pitch", "roll", "zoom"];
-  const toText = () => [...state.center, ...NAMES.map((name) => state[name])].map((v) => +v.toFixed(6)).join(",");
+  const inText = (numbers) => numbers.map((v) => +v.toFixed(6)).join(",");
+  const toText = () => {
+    const own = inText(state.shape) === inText(usual) ? [] : state.shape;
+    return inText([...state.center, ...NAMES.map((name) => state[name]), ...own]);
+  };
   const parsed = (text) => {  // null if it is no view
-    const numbers = (text || "").split(",").map(Number);
-    if (numbers.length !== 7 || !numbers.every(Number.isFinite)) return null;
+    const numbers = (text || "").split(",").map(Number), own = numbers.slice(7);
+    if (numbers.length < 7 || ![0, usual.length].includes(own.length) || !numbers.every(Number.isFinite)) return null;
     const [yaw, pitch, roll, zoom] = numbers.slice(3);
-    return { center: numbers.slice(0, 3), yaw, pitch: clamp(pitch, -MOST_PITCH, MOST_PITCH), roll,
-             zoom: clamp(zoom, leastZoom, mostZoom) };
+    return { center: numbers.slice(0, 3), yaw, pitch: clamp(pitch, -Math.PI / 2, Math.PI / 2), roll,
+             zoom: clamp(zoom, leastZoom, mostZoom), shape: own.length ? own : usual };
   };
   const fromText = (text) => {
     const found = parsed(text);
@@ -121,9 +129,9 @@ const makeNavigation = (scene) => {
     bound();
     return true;
   };
-  const seenFrom = (text) => {  // the pose and the zoom of a view
+  const seenFrom = (text) => {  // the pose and the lens of a view
     const found = parsed(text);
-    return found && { pose: poseAt(found), zoom: found.zoom };
+    return found && { pose: poseAt(found), zoom: found.zoom, shape: found.shape };
   };
   show(path[0].pose);
   return { aspect, lens, turn, steer, slide, walk, zoomBy, view, pose, show, toText, fromText, seenFrom, follow,

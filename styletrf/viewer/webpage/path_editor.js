@@ -7,10 +7,10 @@ const keyFrameOf = ({ pose, zoom }, lens, matrix) => {
   const axes = [0, 1, 2].map((k) => unit(turned(column(pose, k))));
   const position = turned(column(pose, 3)).map((v, i) => v + matrix[4 * i + 3]);
   const focal = zoom * (lens.width >= lens.height ? lens.fx / lens.width : lens.fy / lens.height);
-  const rounded = (values) => values.map((v) => +v.toPrecision(9));
+  const rounded = (values, digits) => values.map((v) => +v.toPrecision(digits));
   return {
-    position: rounded(position),
-    orientation: rounded(quaternionOf(poseOf(...axes, position))),
+    position: rounded(position, 14),  // georeferenced ones are large
+    orientation: rounded(quaternionOf(poseOf(...axes, position)), 9),
     fov_deg: +(2 * Math.atan(0.5 / focal) * 180 / Math.PI).toFixed(4),
   };
 };

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +12,15 @@ import torch
 from ball_views import RADIUS, ball_seen
 from ball_views import camera as camera_around
 from expected_errors import rejects
+from message_words import mentions
 from tiny_scene import KINDS, tiny_scene
 
 from styletrf.exports import splat_export
-from styletrf.exports.export_views import ExportViews, Look, export_views
+from styletrf.exports.export_views import ExportViews, Look, export_views, offset_world
 from styletrf.exports.splat_export import HeldOut, export_splats
 from styletrf.exports.splat_files import read_splats
 from styletrf.exports.splat_pictures import splat_picture
-from styletrf.exports.splats import tensors_of
+from styletrf.exports.splats import Splats, tensors_of
 from styletrf.exports.surface_export import export_mesh, export_points
 from styletrf.exports.surface_mesh import surface_mesh
 from styletrf.geometry.cameras import Camera, in_view, moved
@@ -101,6 +103,40 @@ def test_points_and_meshes_lie_where_a_view_saw_them(space: str, tmp_path: Path)
     assert json.dumps(report)
 
 
+def test_points_and_splats_of_georeferenced_poses_keep_their_precision(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """They were rounded to half a meter, or all lay at the end of the range."""
+    pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    plyfile = pytest.importorskip("plyfile", reason="plyfile is not installed")
+    monkeypatch.setattr(
+        splat_export, "SplatFitConfig", partial(splat_export.SplatFitConfig, iterations=1)
+    )
+    local = views_of("box")
+    away = np.eye(4)
+    away[:3, 3] = (452000.25, -5411000.5, 300.0)
+    moved_away = local.model.normalized_from_world @ np.linalg.inv(away)
+    views = replace(local, model=replace(local.model, normalized_from_world=moved_away))
+    assert not offset_world(local.model).any()
+    offset = offset_world(views.model)
+
+    def stored(given: ExportViews, folder: str) -> tuple[np.ndarray, np.ndarray]:
+        out, looks = tmp_path / folder, looks_of("box")[:1]
+        out.mkdir()
+        held_out = HeldOut(views.cameras[:1], [photographed(views.renders[0].color)])
+        report = export_splats(out, "spz", given, looks, held_out, 300, silent)
+        assert report["looks"]["photographs"]["psnr_to_field"] > 15
+        splats = read_splats(out / "photographs.spz")[0].centers
+        export_points(out, given, looks, silent)
+        vertices = plyfile.PlyData.read(out / "photographs.ply")["vertex"]
+        return splats, np.column_stack([vertices[name] for name in "xyz"]).astype(np.float64)
+
+    unit = 1 / np.cbrt(np.linalg.det(local.model.normalized_from_world[:3, :3]))
+    pairs = zip(stored(views, "away"), stored(local, "local"), strict=True)
+    for found, expected in pairs:
+        assert np.abs(found + offset - away[:3, 3] - expected).max() < 1e-5 * unit
+
+
 def test_an_export_notes_where_pictures_have_no_definite_surface(tmp_path: Path):
     pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
     views, reports = views_of("box"), []
@@ -137,6 +173,39 @@ def test_what_masks_leave_out_of_photographs_does_not_count_against_splats(
         found.append(report["looks"]["photographs"])
     assert found[0] == found[1]
     assert found[0]["field_psnr"] > 40
+
+
+def test_splats_beyond_the_range_of_spz_are_refused_before_they_are_fitted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    monkeypatch.setattr(splat_export, "fitted_splats", pytest.fail)
+    views = views_of("box")
+    tiny_unit = np.diag([1e-8, 1e-8, 1e-8, 1.0]) @ views.model.normalized_from_world
+    views = replace(views, model=replace(views.model, normalized_from_world=tiny_unit))
+    with rejects("splats", remedy=["ply"]):
+        export_splats(tmp_path, "spz", views, looks_of("box"), HeldOut([], []), 500, silent)
+
+
+def test_a_single_splat_beyond_the_range_of_spz_is_left_out_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
+    brief = partial(splat_export.SplatFitConfig, iterations=1)
+    monkeypatch.setattr(splat_export, "SplatFitConfig", brief)
+    placed = splat_export.placed_splats
+
+    def with_one_far(*given: Any) -> Splats:
+        splats = placed(*given)
+        splats.centers[0] *= 1e9
+        return splats
+
+    monkeypatch.setattr(splat_export, "placed_splats", with_one_far)
+    views, looks = views_of("box"), looks_of("box")[:1]
+    held_out = HeldOut(views.cameras[:1], [photographed(views.renders[0].color)])
+    report = export_splats(tmp_path, "spz", views, looks, held_out, 6000, silent)
+    assert report["splats"] == len(read_splats(tmp_path / "photographs.spz")[0]) > 1000
+    assert mentions(report["note"], 1, report["splats"] + 1, ".spz")
 
 
 def test_a_field_that_stops_no_ray_has_nothing_to_export(tmp_path: Path):

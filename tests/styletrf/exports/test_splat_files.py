@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from expected_errors import rejects
 from splat_clouds import cloud
 
-from styletrf.exports.splat_files import read_splats, write_splat_ply, write_spz
+from styletrf.exports.splat_files import read_splats, storable_in_spz, write_splat_ply, write_spz
 
 gsply = pytest.importorskip("gsply", reason="gsply is not installed (extra export)")
 
@@ -52,6 +53,26 @@ def test_an_spz_holds_scenes_of_kilometers(tmp_path: Path):
     splats = replace(cloud(30), centers=cloud(30).centers * 2000)
     write_spz(tmp_path / "a.spz", splats, np.full((30, 3), 0.5))
     assert np.allclose(read_splats(tmp_path / "a.spz")[0].centers, splats.centers, atol=0.01)
+
+
+def test_an_spz_of_splats_beyond_its_range_is_refused(tmp_path: Path):
+    """All had the farthest position that fits."""
+    splats = replace(cloud(30), centers=cloud(30).centers + 2.0**22)
+    with rejects("splats", remedy=["ply"]):
+        write_spz(tmp_path / "a.spz", splats, np.full((30, 3), 0.5))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("far", [0, 1, 3])
+def test_an_spz_leaves_out_no_more_than_one_splat_in_a_thousand(far: int, tmp_path: Path):
+    splats = cloud(3000)
+    splats.centers[:far] *= 2.0**22
+    near = storable_in_spz(splats)
+    assert np.flatnonzero(~near).tolist() == list(range(far))
+    write_spz(tmp_path / "a.spz", splats.chosen(near), np.full((3000 - far, 3), 0.5))
+    splats.centers[:4] *= 2.0**22
+    with rejects("splats", remedy=["ply"]):
+        storable_in_spz(splats)
 
 
 def test_three_hundred_thousand_splats_take_at_most_6_mb(tmp_path: Path):

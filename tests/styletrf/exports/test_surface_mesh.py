@@ -1,5 +1,6 @@
 """Meshes and points of what cameras see."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,15 @@ def test_where_nothing_is_hit_there_is_no_mesh():
     assert surface_fraction([empty]) == 0
 
 
+def test_a_solid_cut_out_is_a_definite_surface():
+    """Pixels that show nothing counted as parts without a surface."""
+    seen = ball_seen(camera(0.0))
+    assert 0 < seen.opacity.mean() < 0.5
+    assert surface_fraction([seen]) == 1
+    mist = Rendering(seen.color, seen.opacity, 1.2 * seen.depth, seen.depth)
+    assert surface_fraction([seen, mist]) == 0.5
+
+
 def in_a_thin_layer(grid):
     """The layers beside the middle one have a cell length beyond the map, so they are not known."""
     return np.where(np.abs(grid[:, :1]) < 0.3, grid, np.nan)
@@ -103,12 +113,35 @@ def test_a_glb_opens_with_its_colors_upright(tmp_path: Path):
     (found,) = trimesh.load(tmp_path / "a.glb", process=False).geometry.values()
     assert np.allclose(found.vertices, vertices * (1, -1, -1), atol=1e-6)
     assert np.array_equal(found.faces, mesh.triangles)
-    attributes = (
-        found.visual.vertex_attributes if hasattr(found.visual, "vertex_attributes") else {}
-    )
-    colors = np.asarray(attributes.get("color", getattr(found.visual, "vertex_colors", None)))
-    assert colors[0, 0] == 255
-    assert colors[0, 1] == round(255 * ((0.5 + 0.055) / 1.055) ** 2.4)  # linear
+    colors = found.visual.vertex_attributes["color"]
+    assert colors[0] == pytest.approx([1, ((0.5 + 0.055) / 1.055) ** 2.4, 0])  # linear
+
+
+def test_a_glb_keeps_all_levels_of_a_picture(tmp_path: Path):
+    """Linear colors of 8 bits have seven of the darkest forty levels."""
+    pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    vertices = np.random.default_rng(0).normal(size=(256, 3))
+    triangles = np.arange(256 - 256 % 3).reshape(-1, 3)
+    levels = np.arange(256)[:, None].repeat(3, axis=1)
+    write_glb(tmp_path / "a.glb", SurfaceMesh(vertices, triangles), levels / 255)
+    linear = colors_of(tmp_path / "a.glb")
+    low, high = linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055
+    encoded = np.where(linear <= 0.0031308, low, high)
+    assert np.array_equal(np.rint(255 * encoded), levels)
+
+
+def colors_of(path: Path) -> np.ndarray:
+    """Returns the colors of a mesh's vertices by the layout of glTF 2.0."""
+    content = path.read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    tree, data = json.loads(content[20 : 20 + size]), content[28 + size :]
+    attributes = tree["meshes"][0]["primitives"][0]["attributes"]
+    assert set(attributes) == {"POSITION", "COLOR_0"}
+    accessor = tree["accessors"][attributes["COLOR_0"]]
+    assert (accessor["componentType"], accessor["type"]) == (5126, "VEC3")  # floats
+    view = tree["bufferViews"][accessor["bufferView"]]
+    values = np.frombuffer(data, "<f4", 3 * accessor["count"], view.get("byteOffset", 0))
+    return values.reshape(-1, 3)
 
 
 def test_points_open_in_another_reader(tmp_path: Path):

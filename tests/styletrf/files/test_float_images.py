@@ -2,6 +2,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from expected_errors import rejects
+from message_words import mentions
 
 from styletrf.files.float_images import read_float_image, write_float_image
 
@@ -46,6 +47,7 @@ def test_other_programs_see_the_usual_channels(tmp_path, half):
     assert kinds == {**dict.fromkeys("RGBA", other), "Z": np.dtype(np.float32)}
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
     assert "capDate" not in header
+    assert mentions(header["comments"], "sRGB", "background", "A", "Z")  # not as EXR has them
 
 
 def test_the_same_view_gives_the_same_bytes_and_another_view_others(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from styletrf.capture.masks import read_mask_image
 from styletrf.capture.photographs import read_photograph
 
 RAMP = np.linspace(0, 1, 32).repeat(32).reshape(32, 32)
@@ -78,3 +79,49 @@ def test_gray_that_is_multiplied_by_its_transparency_is_composited_on_white(tmp_
     assert apart in file.getvalue()
     pixels = read(tmp_path, "a.tif", file.getvalue().replace(apart, multiplied))
     assert np.abs(pixels - (20 + 0.8 * 255)).max() <= 1
+
+
+def stroke(multiplied=False):
+    """A color that fades out, as RGBA; its empty pixels keep their color."""
+    alpha = np.tile(np.arange(256, dtype=np.uint8), (8, 1))
+    color = np.broadcast_to(np.float64([220, 60, 40]), (8, 256, 3))
+    return np.dstack([color * (alpha[..., None] / 255) if multiplied else color, alpha])
+
+
+def tiff(rgba, kind):
+    """A TIFF of this kind of alpha, as it comes: Pillow writes 8 bits that stand apart."""
+    file = io.BytesIO()
+    Image.fromarray(np.rint(rgba).astype(np.uint8)).save(file, "TIFF")
+    apart, wanted = (struct.pack("<HHIH", 338, 3, 1, number) for number in (2, kind))
+    assert apart in file.getvalue()
+    return file.getvalue().replace(apart, wanted)
+
+
+@pytest.mark.parametrize("read_on", [read_photograph, read_mask_image])
+@pytest.mark.parametrize(
+    "content",
+    [
+        pytest.param(tiff(stroke(), 2), id="apart"),
+        pytest.param(tiff(stroke(multiplied=True), 1), id="multiplied"),
+        pytest.param(
+            cv2.imencode(".tif", np.rint(stroke()[..., [2, 1, 0, 3]]).astype(np.uint8))[
+                1
+            ].tobytes(),
+            id="not named",
+        ),
+        pytest.param(
+            cv2.imencode(".tif", np.rint(257 * stroke()[..., [2, 1, 0, 3]]).astype(np.uint16))[
+                1
+            ].tobytes(),
+            id="16 bits",
+        ),
+    ],
+)
+def test_a_transparent_tiff_shows_what_the_same_png_shows(tmp_path, content, read_on):
+    """Half transparent edges had dark halos."""
+    file = io.BytesIO()
+    Image.fromarray(stroke().astype(np.uint8)).save(file, "PNG")
+    for name, data in (("a.tif", content), ("a.png", file.getvalue())):
+        (tmp_path / name).write_bytes(data)
+    shown, expected = (read_on(tmp_path / name).astype(int) for name in ("a.tif", "a.png"))
+    assert np.abs(shown - expected).max() <= 1

@@ -7,6 +7,7 @@ from expected_errors import rejects
 
 from styletrf.files.video import write_video
 from styletrf.files.video_frames import (
+    declared_duration_s,
     declared_frames,
     first_frame,
     timed_frames,
@@ -183,3 +184,48 @@ def test_a_video_that_cannot_be_written_or_read_is_refused(tmp_path):
 def test_the_frames_that_a_file_declares_are_those_that_it_holds(tmp_path, count):
     write_video(tmp_path / "a.mp4", np.zeros((count, 16, 32, 3), np.uint8), 12)
     assert declared_frames(tmp_path / "a.mp4") == video_info(tmp_path / "a.mp4").frames == count
+
+
+def clip_with_sound(path, seconds, sound_s):
+    """Writes a clip of a gray picture whose sound lasts otherwise."""
+    with av.open(str(path), "w") as container:
+        picture, sound = container.add_stream("libx264", rate=10), container.add_stream("aac", 8000)
+        picture.width, picture.height, picture.pix_fmt = 64, 48, "yuv420p"
+        still = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 90, np.uint8), "rgb24")
+        for index in range(10 * seconds):
+            still.pts = index
+            container.mux(picture.encode(still))
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 8000), np.float32), "fltp", "mono")
+        silence.sample_rate = 8000
+        for index in range(sound_s):
+            silence.pts = 8000 * index
+            container.mux(sound.encode(silence))
+        for stream in (picture, sound):
+            container.mux(stream.encode(None))
+
+
+@pytest.mark.parametrize("suffix", ["mkv", "mp4", "mov"])
+def test_a_picture_lasts_as_long_as_its_frames_also_beside_longer_sound(tmp_path, suffix):
+    """A clip whose sound is longer was called cut short."""
+    path = tmp_path / f"a.{suffix}"
+    clip_with_sound(path, 2, 4)
+    assert declared_duration_s(path) == pytest.approx(2, abs=0.15)
+    assert declared_frames(path) == pytest.approx(video_info(path).frames, abs=1)
+
+
+def test_a_cover_picture_before_the_video_is_not_its_first_frame(tmp_path):
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        cover, picture = container.add_stream("mjpeg", rate=1), container.add_stream("libx264", 24)
+        cover.width, cover.height, cover.pix_fmt = 320, 180, "yuvj420p"
+        cover.disposition = av.stream.Disposition.attached_pic
+        picture.width, picture.height, picture.pix_fmt = 64, 48, "yuv420p"
+        for stream, count in ((cover, 1), (picture, 5)):
+            shape = stream.height, stream.width, 3
+            still = av.VideoFrame.from_ndarray(np.full(shape, 90, np.uint8), "rgb24")
+            for index in range(count):
+                still.pts = index
+                container.mux(stream.encode(still.reformat(format=stream.pix_fmt)))
+            container.mux(stream.encode(None))
+    assert [frame.pixels.shape for frame in timed_frames(path)] == [(48, 64, 3)] * 5
+    assert (video_info(path).width, video_info(path).frames) == (64, 5)

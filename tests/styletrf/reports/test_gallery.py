@@ -1,5 +1,7 @@
 """The gallery of results: every scene in every style, sortable, also in a real browser."""
 
+import json
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +209,26 @@ def test_a_browser_sorts_filters_plays_and_compares(tmp_path: Path, width: int):
     assert compared["better"] == [], "equal, and unknown"
     assert (compared["early"], compared["isOpen"], compared["isCleared"]) == (True, True, True)
     assert compared["overflow"] == 0
+
+
+SEARCHED = """
+  const words = document.querySelector("[name=words]");
+  return { found: TYPED.map((typed) => {
+    words.value = typed;
+    words.dispatchEvent(new Event("input", { bubbles: true }));
+    return document.querySelectorAll(".tile").length;
+  }) };
+"""
+
+
+@needs_chromium
+def test_names_are_found_however_their_accents_are_stored_and_typed(tmp_path: Path):
+    """macOS stores letters and accents apart, and no keyboard types them so."""
+    forms = [unicodedata.normalize(form, "Caf\u00e9") for form in ("NFC", "NFD")]
+    write_gallery(tmp_path / "index.html", [Cell(form, "x", has_report=True) for form in forms])
+    probe = SEARCHED.replace("TYPED", json.dumps([*forms, "other"]))
+    answer = answer_of(tmp_path / "index.html", probe, 1280)
+    assert (answer["errors"], answer["found"]) == ([], [2, 2, 0])
 
 
 MANY = """

@@ -10,6 +10,7 @@ from expected_errors import rejects
 from lattice_positions import corners, positions_in
 from mini_scene import KERNELS
 
+from styletrf.geometry.cameras import Camera
 from styletrf.viewer.baking import bake_density, bake_look, require_shared_density
 from styletrf.viewer.baking_loss import baking_loss
 from styletrf.viewer.camera_bounds import camera_bounds
@@ -144,3 +145,19 @@ def test_every_camera_is_within_the_bounds(tiny):
     assert bounds.radius > 0
     assert np.linalg.norm(bounds.down) == pytest.approx(1)
     assert min(camera.world_from_camera[:, 1] @ bounds.down for camera in cameras) > 0.5
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.02, 0.7])
+def test_the_camera_turns_about_an_axis_that_photographs_do_not_look_along(tilt_rad):
+    """Over photographs that look straight down, it was the vertical, and the view was tilted."""
+    cameras = []
+    for k, heading in enumerate(np.pi * np.arange(6)):  # there and back again
+        across = np.array([np.cos(heading), np.sin(heading), 0.0])
+        ahead = np.array([0.0, 0.0, np.cos(tilt_rad)]) + np.sin(tilt_rad) * across
+        right = np.cross(across, [0.0, 0.0, 1.0])
+        pose = np.column_stack([right, np.cross(ahead, right), ahead, [0.1 * k, 0.0, 0.0]])
+        cameras.append(Camera(f"{k}", 40, 30, 32.0, 32.0, 20.0, 15.0, pose))
+    bounds = camera_bounds(cameras, cameras)
+    assert np.linalg.norm(bounds.down) == pytest.approx(1)
+    along = [abs(camera.forward_world @ bounds.down) for camera in cameras]
+    assert max(along) < 0.9

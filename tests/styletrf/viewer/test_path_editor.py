@@ -18,6 +18,7 @@ from styletrf.geometry.typical_view import typical_view
 from styletrf.trajectory.camera_path import frames_along, timed
 from styletrf.trajectory.path_files import placed_key_frames, read_path
 from styletrf.trajectory.trajectory_config import TrajectoryConfig
+from styletrf.viewer.camera_bounds import camera_bounds
 
 pytestmark = needs_chromium
 RATE, SECONDS = 24.0, 1.5
@@ -34,8 +35,10 @@ DRAWN = """
   for (let k = 0; k < KEYS; k++) {
     views.push(seen());
     find("#addKey").click();
-    navigation.walk(0.3, 0.1 * k, 0.5);
-    navigation.turn(0.2 - 0.15 * k, 0.1);
+    if (k !== 1) {  // where it only zooms
+      navigation.walk(0.3, 0.1 * k, 0.5);
+      navigation.turn(0.2 - 0.15 * k, 0.1);
+    }
     navigation.zoomBy(1.2);
   }
   set("#closed", { checked: CLOSED });
@@ -48,8 +51,8 @@ DRAWN = """
 """
 
 
-def drawn(content, tmp_path: Path, space: str, keys: int, *, closed: bool) -> dict:
-    named = replace(content(space), scene="Ann's yard; 2 $(exit)")
+def drawn(baked, tmp_path: Path, keys: int, *, closed: bool) -> dict:
+    named = replace(baked, scene="Ann's yard; 2 $(exit)")
     page = written_small(named, tmp_path / "viewer.html")
     with_text(page, page, "img-src", "connect-src blob:; img-src")
     words = {"KEYS": keys, "CLOSED": closed, "SECONDS": SECONDS}
@@ -60,21 +63,28 @@ def drawn(content, tmp_path: Path, space: str, keys: int, *, closed: bool) -> di
 
 
 @pytest.mark.parametrize(
-    ("space", "keys", "closed"),
-    [("ndc", 4, False), ("ndc", 3, True), ("ndc", 1, False)],
+    ("away", "keys", "closed"),
+    [(0.0, 4, False), (0.0, 3, True), (5e6, 1, False)],
+    ids=["open", "closed", "georeferenced"],
 )
 def test_a_drawn_path_is_read_and_rendered_as_it_is_shown(
-    tiny, content, tmp_path: Path, space: str, keys: int, closed: bool
+    tiny, content, tmp_path: Path, away: float, keys: int, closed: bool
 ):
-    answer = drawn(content, tmp_path, space, keys, closed=closed)
+    """Positions of georeferenced poses were rounded to a centimeter."""
+    scene, moved_away = tiny("ndc"), np.eye(4)
+    moved_away[:3, 3] = away
+    normalized_from_world = scene.model.normalized_from_world @ np.linalg.inv(moved_away)
+    model = replace(scene.model, normalized_from_world=normalized_from_world)
+    baked = replace(content("ndc"), world_from_normalized=np.linalg.inv(normalized_from_world))
+    answer = drawn(baked, tmp_path, keys, closed=closed)
     assert answer["errors"] == []
     command = ["--path", answer["name"], "--seconds", str(SECONDS)]
     assert shlex.split(answer["command"]) == command
-    file, scene = tmp_path / "path.json", tiny(space)
+    file = tmp_path / "path.json"
     file.write_text(answer["file"])
     read = read_path(file)
     assert (len(read.frames), read.closed, read.easing) == (keys, closed, 0.4)
-    placed = placed_key_frames(read, scene.cameras, scene.model, are_given=False)
+    placed = placed_key_frames(read, scene.cameras, model, are_given=False)
     usual = typical_view(scene.cameras)
     stays = TrajectoryConfig(seconds=SECONDS)
     frames = frames_along(timed(read, placed), usual, stays, RATE)
@@ -196,3 +206,42 @@ def test_play_shows_each_frame_through_its_own_lens_zoomed_as_the_user_did(conte
         assert shown == pytest.approx(zoom * camera.fx / camera.width)
         assert of_address == pytest.approx(shown, rel=1e-5)
     assert answer["again"] == pytest.approx([camera.fx / camera.width for camera in path])
+
+
+SHOWN = """
+  const { navigation, scene } = await viewer, { width, height } = scene.path[0];
+  const shown = (...seen) => navigation.view(width, height, ...seen);
+  return { frames: scene.path.map((_, k) => {
+    navigation.follow(k);
+    const followed = shown(), text = navigation.toText();
+    navigation.fromText(text);
+    return [followed, shown(), shown(navigation.seenFrom(text))];
+  }) };
+"""
+
+
+def test_play_and_its_links_show_the_pose_and_the_lens_of_each_frame(content, tmp_path):
+    """Views along the vertical were tilted, and all had the first one's principal point."""
+    baked, path = content("ndc"), []
+    for k, tilt in enumerate((0.0, 0.02, -0.05, 0.6, np.pi)):
+        pose = np.column_stack([looking_down(k, tilt), [0.1 * k, 0, 0]])
+        path.append(replace(baked.path[k], fy=60.0 + 5 * k, cx=20.0 + k, world_from_camera=pose))
+    bounds = replace(camera_bounds(path, path), down=(0.0, 1.0, 0.0))  # which the first looks along
+    page = written_small(replace(baked, path=path, bounds=bounds), tmp_path / "viewer.html")
+    answer = answer_of(page, SHOWN, 1000)
+    assert answer["errors"] == []
+    for camera, shown in zip(path, answer["frames"], strict=True):
+        for seen in shown:
+            pose = np.reshape(seen["pose"], (3, 4))
+            np.testing.assert_allclose(pose, camera.world_from_camera, atol=1e-5)
+            lens = [seen[name] for name in ("fx", "fy", "cx", "cy")]
+            assert lens == pytest.approx([camera.fx, camera.fy, camera.cx, camera.cy], rel=1e-4)
+
+
+def looking_down(heading_rad: float, tilt_rad: float) -> np.ndarray:
+    """Returns the axes of a camera that looks along y, tilted about x and then turned about y."""
+    turned, tilted = np.zeros(4), np.zeros(4)
+    turned[[0, 2]] = np.cos(heading_rad / 2), np.sin(heading_rad / 2)
+    tilted[[0, 1]] = np.cos(tilt_rad / 2), np.sin(tilt_rad / 2)
+    along_y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    return matrices_of(turned[None])[0] @ matrices_of(tilted[None])[0] @ along_y

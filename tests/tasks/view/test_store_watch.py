@@ -1,7 +1,7 @@
 """Styles come into an open viewer when their fields are in the store."""
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
@@ -15,6 +15,7 @@ from message_words import mentions
 import tasks
 from pipeline.task import RunContext
 from tasks.stages.stage import Stage
+from tasks.view import store_watch
 from tasks.view.store_watch import adapted_styles, watch_store
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -62,6 +63,20 @@ def after_a_poll() -> list[str]:
     return adapted_styles(VIEWER)
 
 
+def watched(until: Callable[[str], bool]) -> tuple[list[str], str]:
+    """Returns the styles that a page gets until that of which this holds, and its last report."""
+    shown, stop = [], Event()
+
+    def add(style: str) -> None:
+        shown.append(style)
+        if until(style):
+            stop.set()
+
+    live: Any = SimpleNamespace(add=add, report="")
+    watch_store(VIEWER, live, lambda style: (style,), stop)
+    return shown, live.report
+
+
 def test_a_painting_whose_copy_was_under_way_comes_when_its_field_is_made(
     styles: Path, photographs: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -88,6 +103,18 @@ def test_a_painting_that_is_replaced_before_its_field_is_made_comes(
     assert after_a_poll() == ["new"]
 
 
+def test_paintings_that_share_a_name_come_by_their_names_with_suffixes(
+    styles: Path, photographs: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """They never came, since no command takes the name without a suffix."""
+    for name in ("new.jpg", "new.png", "other.png"):
+        shutil.copy(photographs / "styles/p.png", styles / name)
+    assert after_a_poll() == []
+    for name in ("new.jpg", "new.png", "other"):
+        build_elsewhere(name, monkeypatch)
+    assert after_a_poll() == ["new.jpg", "new.png", "other"]
+
+
 def test_a_painting_named_as_the_photographs_is_reported_and_not_shown(
     styles: Path, photographs: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -96,13 +123,22 @@ def test_a_painting_named_as_the_photographs_is_reported_and_not_shown(
         shutil.copy(photographs / "styles/p.png", styles / f"{name}.png")
         build_elsewhere(name, monkeypatch)
     assert adapted_styles(VIEWER) == ["other"]
-    shown, stop = [], Event()
-
-    def add(style: str) -> None:
-        shown.append(style)
-        stop.set()
-
-    live: Any = SimpleNamespace(add=add, report="")
-    watch_store(VIEWER, live, lambda style: (style,), stop)
+    shown, report = watched(lambda _style: True)
     assert shown == ["other"]
-    assert mentions(live.report, "PhotoGraphs")
+    assert mentions(report, "PhotoGraphs")
+
+
+def test_a_shown_painting_does_not_come_again_when_another_of_its_name_does(
+    styles: Path, photographs: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(store_watch, "POLL_S", 0.0)
+    shutil.copy(photographs / "styles/p.png", styles / "new.jpg")
+    build_elsewhere("new", monkeypatch)
+
+    def add_another(style: str) -> bool:
+        if style == "new":
+            shutil.copy(photographs / "styles/q.png", styles / "new.png")
+            build_elsewhere("new.png", monkeypatch)
+        return style == "new.png"
+
+    assert watched(add_another)[0] == ["new", "new.png"]
