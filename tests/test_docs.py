@@ -2,12 +2,15 @@
 
 import re
 import runpy
+from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
 
+from pipeline.command import INTERRUPTED, INVALID
 from styletrf.files.video_frames import video_info
 from styletrf.trajectory.support_config import SupportConfig
+from tasks.summary.grid_summary import EXIT_STATUS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "benchmarks/README.md"])
@@ -59,6 +62,24 @@ def test_every_page_is_in_the_navigation_of_the_site():
     assert [
         page for page in pages if f": {page}" not in navigation and not decisions.match(str(page))
     ] == []
+
+
+def test_the_index_lists_all_pages():
+    """So says `styletrf --help`; a page of the API is listed by its overview."""
+    listed = LINK.findall((ROOT / "docs/index.md").read_text(encoding="utf-8"))
+    pages = [path.name for path in (ROOT / "docs").glob("*.md") if path.name != "index.md"]
+    assert sorted({*pages, "decisions/README.md", "api/index.md"} - set(listed)) == []
+
+
+def test_the_exit_statuses_are_those_that_a_command_can_end_with():
+    """Luigi's status of an input that no task builds was among them; every stage is built."""
+    config = ConfigParser()
+    config.read(ROOT / "luigi.cfg", encoding="utf-8")
+    statuses = {name: int(value) for name, value in config["retcode"].items()}
+    del statuses["missing_data"]
+    own = {0, INVALID, INTERRUPTED, *EXIT_STATUS.values(), 2}  # 2 is that of argparse
+    text = (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8")
+    assert {int(n) for n in re.findall(r"^\| (\d+) \|", text, re.M)} == own | {*statuses.values()}
 
 
 def _row_of_decision(path: Path) -> str:

@@ -1,13 +1,14 @@
 """The sources of a command: stages that need no other one, and read or fetch what the user names.
 
-Most take seconds, so all run first; where one fails, the command stops, since the results of hours
-would lack it. With `--keep-going` the command makes all stages that do not need it. Under luigid it
-does so, too: another machine may read a source that this one cannot.
+A command ends before its first stage where a source names what is not there. Most sources take
+seconds, so all run first; where one fails, the command stops, since the results of hours would lack
+it. With `--keep-going` the command makes all stages that do not need it. Under luigid it does so,
+too: another machine may read a source that this one cannot.
 """
 
 import functools
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 
 import luigi
@@ -16,6 +17,7 @@ import psutil
 from pipeline.errors import TaskFailure
 from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.task import StoredTask
+from styletrf.errors import InputError
 from tasks.command.outcomes import outcome_of_missing
 
 SOURCE_PRIORITY = 10**9
@@ -31,6 +33,20 @@ def is_source(stage: luigi.Task) -> bool:
 def sources_of(root: luigi.Task) -> Sequence[StoredTask]:
     """Returns the sources of a command."""
     return [task for task in stored_tasks(root) if is_source(task)]
+
+
+def unreadable_sources(root: luigi.Task) -> Iterator[str]:
+    """Yields what is wrong with sources that name what is not there, if the command stops there.
+
+    Digests of what is there are kept for the keys of the sources.
+    """
+    for source in sources_of(root) if may_stop(root) else ():
+        try:
+            source.action()
+        except InputError as error:
+            yield str(error)
+        except OSError:  # the stage of the source reports it
+            continue
 
 
 def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:

@@ -5,7 +5,7 @@ For each stage: whether its artifact exists or would be built, why, and the cost
 
 import heapq
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,11 @@ from pipeline.maintenance.why import TO_BE_MADE, Explanation, explanations
 from pipeline.settings import current_store
 from pipeline.task import StoredTask
 from tasks.command.build_order import Durations, longest_remaining
-from tasks.planning.remaining_time import cost_model, stages_to_make
+from tasks.planning.remaining_time import costs_of, stages_to_make
 from tasks.planning.stage_costs import ExpectedCost
+
+CostOf = Callable[[StoredTask], ExpectedCost]
+"""Returns the expected cost of a stage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,26 +98,25 @@ def plan_of(root: Any) -> BuildPlan:
     Raises:
         InputError: No settings meet a bound on time or quality.
     """
-    cells, settings = [], []
-    for requested in root.cells():
-        cell, description = requested.planned()
-        cells.append(cell)
-        settings += [description] if description else []
-    why = list(explanations(cells, current_store()))
+    planned = [cell.planned() for cell in root.cells()]
+    settings = [description for _, description, _ in planned if description]
+    why = list(explanations([cell for cell, _, _ in planned], current_store()))
     found = {each.task.task_id for each in why if each.is_found}
-    to_make: dict[str, Any] = {}
-    for cell in cells:
-        stages = stages_to_make(cell, lambda stage: stage.task_id in found)
-        to_make |= {stage.task_id: cell for stage in stages if stage.task_id not in to_make}
-    models = {cell.scene: cost_model(cell) for cell in cells}
-    return BuildPlan([_stage(each, to_make, models) for each in why], settings)
+    costs: dict[tuple[str, str], CostOf] = {}  # cells of a scene share them
+    to_make: dict[str, CostOf] = {}
+    for cell, description, choice in planned:
+        name = cell.scene, description
+        costs[name] = costs.get(name) or costs_of(cell, choice)
+        for stage in stages_to_make(cell, lambda stage: stage.task_id in found):
+            to_make.setdefault(stage.task_id, costs[name])
+    return BuildPlan([_stage(each, to_make) for each in why], settings)
 
 
-def _stage(why: Explanation, to_make: Mapping[str, Any], models: Mapping[str, Any]) -> StagePlan:
-    cell = to_make.get(why.task.task_id)
-    if cell is None:
+def _stage(why: Explanation, to_make: Mapping[str, CostOf]) -> StagePlan:
+    cost_of = to_make.get(why.task.task_id)
+    if cost_of is None:
         return StagePlan(why.task, (), None)
-    return StagePlan(why.task, list(_reasons(why)), models[cell.scene].expected(why.task))
+    return StagePlan(why.task, list(_reasons(why)), cost_of(why.task))
 
 
 def _reasons(why: Explanation) -> Iterator[str]:

@@ -47,16 +47,20 @@ def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | N
 def keep_choice(task: Any, front: Front, choice: Choice) -> None:
     """Keeps the choice for the task from this front."""
     if builds_alone():
-        point = choice.point
+        point, quality = choice.point, choice.front.quality
         chosen = {"tuning": point.tuning, "stylizer": point.stylizer, "seconds": point.seconds}
-        add_fact(_CHOICES, _key(task, front), chosen)
+        add_fact(_CHOICES, _key(task, front), {**chosen, "quality": quality})
 
 
 def _kept(task: Any, front: Front) -> Choice | None:
     kept = read_facts(_CHOICES).get(_key(task, front)) if builds_alone() else None
-    for point in front.points:
-        if kept and _same(point, kept):
-            return Choice(front.quality, replace(point, seconds=kept["seconds"]), front.description)
+    if not kept:
+        return None
+    quality = kept.get("quality", front.quality)  # earlier versions chose from the front alone
+    for offer in front.offers():
+        for point in offer.points:
+            if offer.quality == quality and _same(point, kept):
+                return Choice(offer, replace(point, seconds=kept["seconds"]))
     return None
 
 

@@ -16,8 +16,14 @@ from tasks.machine.calibration import calibration_of_machine
 from tasks.planning.artifact_names import ArtifactNames
 from tasks.planning.memory_demand import Photographs
 from tasks.planning.scene_sizes import sizes_of
-from tasks.planning.stage_costs import CostModel, MeasuredSeconds, plain_stage, reference_costs
-from tasks.presets.quality_choice import Front, Timing
+from tasks.planning.stage_costs import (
+    CostModel,
+    ExpectedCost,
+    MeasuredSeconds,
+    plain_stage,
+    reference_costs,
+)
+from tasks.presets.quality_choice import Choice, Front, Timing
 
 
 class FoundStages:
@@ -59,6 +65,25 @@ def cost_model(task: Any, front: Front | None = None) -> CostModel:
     return CostModel(here, sizes_of((task.scene,)), reference, uses_own_builds=is_alone)
 
 
+def costs_of(task: Any, choice: Choice | None = None) -> Callable[[StoredTask], ExpectedCost]:
+    """Returns a function that predicts the cost of a stage of a task here.
+
+    Args:
+        task: A `StylizedTrajectory`.
+        choice: The point of a front that the settings are from, whose seconds then count; None if
+            the user gave the settings.
+    """
+    if choice is None:
+        return cost_model(task).expected
+    return _costs_of_point(cost_model(task, choice.front), choice.front, choice.point)
+
+
+def _costs_of_point(
+    model: CostModel, front: Front, point: Combination
+) -> Callable[[StoredTask], ExpectedCost]:
+    return lambda stage: model.expected(stage, _measured(front, point, stage))
+
+
 def timing_of(task: Any) -> Timing:
     """Returns a function that predicts the seconds that the settings of a point still take here.
 
@@ -76,9 +101,9 @@ def timing_of(task: Any) -> Timing:
         model = models.get(front.description) or cost_model(task, front)
         models[front.description] = model
         is_found = found.has if builds_alone() else _never
-        stages = stages_to_make(task.at_point(front.quality, point), is_found)
-        costs = (model.expected(s, _measured(front, point, s)) for s in stages)
-        known[name] = math.fsum(cost.seconds for cost in costs)
+        stages = stages_to_make(task.at_point(front, point), is_found)
+        cost_of = _costs_of_point(model, front, point)
+        known[name] = math.fsum(cost_of(stage).seconds for stage in stages)
         return known[name]
 
     return seconds
@@ -89,14 +114,13 @@ def _measured(front: Front, point: Combination, stage: StoredTask) -> MeasuredSe
 
     The options of the command, such as the length of the path, are not those of the point.
     """
+    quality, point = front.scaled_from or (front.quality, point)
     seconds = point.stage_seconds.get(stage.task_family)
     if not front.calibration or seconds is None:
         return None
     names = {name: stage.param_kwargs.get(name) for name in ("scene", "style")}
     stylizer = {"stylizer": point.stylizer} if point.stylizer else {}
-    plain = plain_stage(
-        type(stage), quality=front.quality, tuning=point.tuning, **names, **stylizer
-    )
+    plain = plain_stage(type(stage), quality=quality, tuning=point.tuning, **names, **stylizer)
     photographs = Photographs(**front.photographs) if front.photographs else None
     return MeasuredSeconds(seconds, plain, front.calibration, photographs)
 

@@ -38,7 +38,7 @@ from tasks.stages.field import RadianceField
 from tasks.stages.stage import ConfigurableStage
 
 REFERENCE = Path(__file__).with_name("reference_costs.json")
-Evidence = Literal["this machine", "the reference"]
+Evidence = Literal["this machine", "the front", "the reference"]
 Sizes = Mapping[str, Photographs]
 
 
@@ -51,7 +51,7 @@ class ExpectedCost:
         cpu_seconds: The CPU seconds of all cores together.
         peak_memory_bytes: The peak memory of its processes.
         output_bytes: The bytes of the artifact on disk.
-        evidence: Builds on this machine, or the reference.
+        evidence: Builds on this machine, the front that the settings are from, or the reference.
     """
 
     seconds: float
@@ -151,7 +151,8 @@ class CostModel:
         if cost is None:
             cost = self._by_reference(stage)
             if measured and (seconds := self._seconds_of_front(stage, measured)) is not None:
-                cost = replace(cost, seconds=seconds)
+                cpu_seconds = cost.cpu_seconds * seconds / cost.seconds
+                cost = replace(cost, seconds=seconds, cpu_seconds=cpu_seconds, evidence="the front")
         return replace(cost, peak_memory_bytes=self._memory(stage) or cost.peak_memory_bytes)
 
     def _by_own_builds(self, stage: luigi.Task) -> ExpectedCost | None:

@@ -5,7 +5,7 @@ A stage is taken to need a constant time to start, and beyond it seconds in prop
     product over its drivers of value ** exponent,
 
 where a driver is a setting or a size (`tasks.planning.stage_drivers`). The exponents are rounded
-from sweeps of single settings (`benchmarks/README.md`, "Time against accuracy"), and are 1 where a
+from sweeps of single settings (`benchmarks/history.md`, "Time against accuracy"), and are 1 where a
 stage does the same for every photograph, frame or pixel. That of the pixels of features is from
 three captures of 20 to 62 photographs, and that of features, of which frames of videos have fewer,
 from clips of a minute. Other settings are taken to leave the time as it is.

@@ -17,7 +17,7 @@ from pipeline.execution.fork_server import output_of
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.errors import InputError
-from tasks.command.sources import may_stop, sources_of
+from tasks.command.sources import may_stop, sources_of, unreadable_sources
 from tasks.planning.stage_demands import demands_of
 from tasks.stages.field import TrajectoryFrames
 from tasks.stages.scene import SceneCapture
@@ -27,14 +27,15 @@ LEAST_ROOM_BYTES = 64 << 20  # free disk space that a command needs to begin
 
 
 def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
-    """Returns the stages of a command; ends a command that is bound to fail, with one line.
+    """Returns the stages of a command; ends a command that is bound to fail.
 
     Args:
         root: The task of the command.
 
     Raises:
-        InputError: A budget or a combination of parameters is invalid.
-        SystemExit: A setting, the device or a video is invalid, or they could not be checked.
+        InputError: A budget or a combination of parameters is invalid, or a setting has no effect.
+        SystemExit: A source is not there; it has one line for each. Or a setting, the device or a
+            video is invalid, or they could not be checked.
     """
     stages = list(upstream_first(root))
     sources_of(root)  # once, before workers are forked
@@ -43,6 +44,9 @@ def validate_command(root: luigi.Task) -> Sequence[luigi.Task]:
     for stage in checked:
         if hasattr(stage, "validate"):  # Luigi's own tasks do not
             stage.validate()
+    require_effect(checked)
+    if problems := list(dict.fromkeys(unreadable_sources(root))):
+        raise SystemExit("\n".join(problems))
     for stage in stages:
         if hasattr(stage, "require_reachable"):  # it may measure how fast this machine is
             stage.require_reachable()
@@ -74,6 +78,23 @@ def require_room(root: Path) -> None:
             f"has {free >> 20} MiB free; a scene in one style takes about 300",
             "Free some space (python -m pipeline gc), or set STYLETRF_STORE to another disk",
         )
+
+
+def require_effect(stages: Sequence[luigi.Task]) -> None:
+    """Refuses settings that all stages of a family drop from their values.
+
+    Such are those of a network that is not trained.
+    """
+    unused = dict[str, set[str]]()
+    for stage in stages:
+        if isinstance(stage, ConfigurableStage) and stage.settings:
+            ignored = set(stage.settings) - set(stage.values())
+            unused[stage.task_family] = unused.get(stage.task_family, ignored) & ignored
+    for family, names in unused.items():
+        if names:
+            subject = f"{', '.join(sorted(names))} of --{family}-settings"
+            problem = "has no effect beside the other options of this command"
+            raise InputError(subject, problem, "Leave it out")
 
 
 def _given_settings(stages: Sequence[luigi.Task]) -> Iterator[tuple[str, str]]:

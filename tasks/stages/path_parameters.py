@@ -40,7 +40,8 @@ class PathParameters(PresetStage):
     )
     seconds = FloatParameter(default=0.0, description="length of the path; 0 for the quality's")
     frame_rate = IntParameter(
-        default=0, description="frames a second, 24 to 60; 0 for the quality's"
+        default=0,
+        description=f"frames a second, {SLOWEST_RATE} to {FASTEST_RATE}; 0 for {DEFAULT_RATE}",
     )
     frame_size = IntParameter(
         default=0, description="longer side of the frames in pixels, 64 to 3840; 0: the scene's"

@@ -1,5 +1,6 @@
 """The base classes of the stages."""
 
+import functools
 from collections.abc import Generator, Iterable, Mapping
 from typing import Any, ClassVar, TypeVar
 
@@ -92,10 +93,16 @@ class Stage(StoredTask):
 
     def upstream(self, stage: type[Upstream], **others: Any) -> Upstream:
         """Returns an upstream stage with this one's scene, style, quality and other parameters."""
-        names = set(stage.get_param_names(include_significant=True))  # type: ignore[no-untyped-call]
-        names -= {"settings", "timeout_seconds", "memory_gib", "shard"}
+        names = _shared_names(stage)
         shared = {name: self.param_kwargs[name] for name in names if name in self.param_kwargs}
         return stage(**{**shared, **others})
+
+
+@functools.cache
+def _shared_names(stage: type[Stage]) -> frozenset[str]:
+    """Returns the parameters that a stage takes over; Luigi sorts all of them at every call."""
+    names = stage.get_param_names(include_significant=True)  # type: ignore[no-untyped-call]
+    return frozenset(names) - {"settings", "timeout_seconds", "memory_gib", "shard"}
 
 
 class TuningParameter(DictParameter):

@@ -132,7 +132,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
         """Rejects factors without effect, and weights that do not fit the loss; see decision 3.
 
         Raises:
-            InputError: A factor is not positive, or is combined with a given network; or the loss
+            InputError: A factor is not positive or cannot change a finished network; or the loss
                 is not relative, and the perceptual network is not that of ImageNet; or the training
                 uses renders without a temporal loss, or not all settings of the measured pairs
                 reach it.
@@ -166,7 +166,7 @@ class StyleNetwork(ConfigurableStage, NetworkParameters):
 
     def _require_no_factors(self) -> None:
         is_plain = (self.stroke_scale, self.content_weight) == (1, 1)
-        if is_plain or (self.stylizer == "gatys" and not self.network):
+        if is_plain or self.stylizer == "gatys":
             return  # an optimization has factors of its own
         argument = f"--network {self.network}" if self.network else f"--stylizer {self.stylizer}"
         problem = "is trained already: --stroke-scale and --content-weight cannot change it"

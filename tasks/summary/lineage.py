@@ -6,12 +6,12 @@ the store does not count.
 """
 
 import logging
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.maintenance.commands import parameter_in_text
 from pipeline.maintenance.task_graph import stored_tasks
 from pipeline.record import ActionRecord
 from pipeline.settings import current_store, out_root
@@ -113,9 +113,7 @@ def _painting(record: ActionRecord) -> str:
     parameters: Any = record.action.parameters
     if "style" in parameters:
         return str(parameters["style"])
-    # of most stages the text alone has it, such as StyleImage(style=NAME, quality=draft)
-    found = re.search(r"(?:\(|, )style=(.*?)(?:, \w+=|\)$)", str(record.provenance["task"]))
-    return found[1] if found else ""
+    return parameter_in_text(record, "style")
 
 
 def _missing(task: StoredTask, inputs: Sequence[str]) -> Artifact:

@@ -101,6 +101,8 @@ CONSISTENCY = (
     Label("pairs_without_contrast", "pairs without contrast", "left out by contrast", "{}"),
     Label("pairs_without_correspondence", "pairs that share nothing", "left out of the means",
             "{}"),
+    Label("pairs_without_own_correspondence", "pairs that share nothing by its own geometry",
+            "left out of the means along it", "{}"),
     Label("flow", "flow", "how it was found", "{}"),
 )  # fmt: skip
 

@@ -32,6 +32,7 @@ RUN_BY = {
 }
 STAND_INS = {
     "$SCENES": ['["horns"]'],
+    "$UNTIL": ["2026-11-23T06:00"],
     "$STYLES": ['["mosaic"]'],
     "$k/100": ["1/100"],
     "...": ["--scenes", '["horns"]', "--styles", '["mosaic"]'],

@@ -2,16 +2,22 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from luigi.parameter import ParameterException
 
 import tasks
 from styletrf.capture.poses.transforms_json import transforms_cameras
 from styletrf.errors import InputError
-from styletrf.geometry.camera_table import read_cameras
+from styletrf.exports.blender_bundle import BLENDER_FROM_GLTF
+from styletrf.exports.splat_files import UP_FROM_DOWN
+from styletrf.geometry.camera_table import read_cameras, write_cameras
+from styletrf.geometry.cameras import moved
+from styletrf.scene.scene_model import read_scene_model, write_scene_model
 from tasks.machine import optional_dependencies
 
 Mini = Callable[..., Path]
@@ -49,6 +55,42 @@ def test_cameras_are_in_the_world_of_the_poses(mini: Mini):
     for camera, view in zip(cameras, views, strict=True):
         assert view.world_from_camera == pytest.approx(camera.world_from_camera, abs=1e-9)
         assert (poses / view.file).is_file()
+
+
+def test_in_blender_georeferenced_cameras_lie_about_the_mesh_as_others_do(
+    stage_of: Callable[..., Any], build: Mini, tmp_path: Path
+):
+    """Single precision rounded both to half a meter."""
+    trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed (extra export)")
+    pytest.importorskip("skimage", reason="scikit-image is not installed (extra export)")
+    stage, inputs = stage_of("Export", format="blender", styles=())
+    away, moved_inputs = np.eye(4), {name: tmp_path / name for name in ("poses", "model")}
+    away[:3, 3] = (452000.0, -5411000.0, 300.0)
+    for folder in moved_inputs.values():
+        folder.mkdir()
+    cameras = read_cameras(inputs["poses"] / "cameras.parquet")
+    moved_cameras = [moved(camera, away) for camera in cameras]
+    write_cameras(moved_inputs["poses"] / "cameras.parquet", moved_cameras)
+    model = read_scene_model(inputs["model"] / "scene.json")
+    from_away = model.normalized_from_world @ np.linalg.inv(away)
+    write_scene_model(
+        moved_inputs["model"] / "scene.json", replace(model, normalized_from_world=from_away)
+    )
+    places = []
+    for given in (inputs, inputs | moved_inputs):
+        made = build(stage, **given)
+        (mesh,) = trimesh.load(made / "photographs.glb", process=False).geometry.values()
+        values = json.loads((made / "cameras.json").read_text())
+        matrices = np.array([c["matrix_world"] for c in (*values["photographs"], *values["path"])])
+        middle = mesh.vertices.mean(axis=0) @ BLENDER_FROM_GLTF[:3, :3].T
+        offset = json.loads((made / "export.json").read_text())["offset_world"]
+        places.append((offset, matrices[:, :3, 3], middle))
+    (none, local, local_middle), (offset, georeferenced, middle) = places
+    assert none == [0, 0, 0]
+    shift = (BLENDER_FROM_GLTF @ UP_FROM_DOWN)[:3, :3] @ (away[:3, 3] - offset)
+    assert np.abs(shift).max() < 1
+    assert np.abs(georeferenced - local - shift).max() < 1e-6
+    assert np.abs(middle - local_middle - shift).max() < 1e-2
 
 
 def test_every_frame_of_the_path_has_its_image(mini: Mini):

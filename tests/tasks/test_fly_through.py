@@ -302,7 +302,7 @@ def test_a_grid_shows_what_it_made_and_why_not_the_rest(workplace: Workplace):
     index = workplace.root / "out/index.html"
     index.unlink()
     scenes, styles = '["yard", "nowhere"]', '["brush", "none"]'
-    grid = workplace.command("Grid", "--scenes", scenes, "--styles", styles)
+    grid = workplace.command("Grid", "--scenes", scenes, "--styles", styles, "--keep-going")
     assert (grid.status, grid.report, set(grid.started)) == (31, index, set())
     text = index.read_text()
     assert mentions(text, "3 failed")

@@ -47,3 +47,17 @@ def test_the_help_names_documents_that_exist():
     pages = [word.strip(".,") for word in text.split() if ".md" in word]
     assert pages
     assert [page for page in pages if not (ROOT / page).is_file()] == []
+
+
+@pytest.mark.parametrize("name", sorted(tasks.__all__))
+def test_the_help_of_a_parameter_needs_no_other_page(name):
+    """It said "see ContentImages", whose help said nothing."""
+    parameters = dict(getattr(tasks, name).get_params())
+    described = {option: each.description or "" for option, each in parameters.items()}
+    assert [option for option, text in described.items() if text.startswith("see ")] == []
+
+
+@pytest.mark.parametrize("option", ["content", "perceptual", "transfer"])
+def test_a_source_has_one_description_wherever_it_is_an_option(option):
+    own = [dict(getattr(tasks, name).get_params()).get(option) for name in tasks.__all__]
+    assert len({each.description for each in own if each}) == 1

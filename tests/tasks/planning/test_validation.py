@@ -16,6 +16,7 @@ from luigi.parameter import ParameterException
 from message_words import mentions
 
 import tasks
+from pipeline.maintenance.task_graph import upstream_first
 from styletrf.files.video import write_video
 from tasks.command_line import begin
 from tasks.planning import request_validation, validation
@@ -91,6 +92,14 @@ def refusal(*words: str) -> str:
             ["--budget", "1h", "--method", "per-frame", "--colors", "photograph"],
             ["--method per-frame --colors photograph"],
         ),
+        (
+            ["--stylizer", "arbitrary", "--StyleNetwork-settings", '{"iteratoins": 5000}'],
+            ["--StyleNetwork-settings", "iteratoins"],
+        ),
+        (
+            ["--StylizedPriors-settings", '{"start": "content"}'],
+            ["--StylizedPriors-settings", "start"],
+        ),
         (["--json"], ["--json", "--plan"]),
         (["--budget", "soon"], ["--budget soon", "5min"]),
         (
@@ -103,6 +112,17 @@ def refusal(*words: str) -> str:
 def test_a_mistake_is_one_line_before_the_first_stage(words, named):
     assert mentions(line := refusal("StylizedTrajectory", *CELL, *words), *named)
     assert "\n" not in line
+
+
+@pytest.mark.usefixtures("out")
+@pytest.mark.parametrize("plan", [[], ["--plan"]])
+def test_names_that_are_not_there_are_one_line_each_before_the_first_stage(plan):
+    """The command built other sources first, and the plan had a time for all stages."""
+    words = ["--scene", "nowhere", "--style", "none", "--perceptual", "no.pth", *plan]
+    lines = refusal("StylizedTrajectory", *words).splitlines()
+    assert len(lines) == 3
+    for name in ("'nowhere'", "'none'", "--perceptual no.pth"):
+        assert sum(name in line for line in lines) == 1
 
 
 def test_a_refused_command_prints_the_line_and_nothing_else(photographs):
@@ -246,6 +266,18 @@ def test_settings_and_tuning_of_one_stage_are_checked_together(words):
     words += ["--tuning", '{"PriorRenders": {"coverage.count": 50}}']
     with CmdlineParser.global_instance(words) as parser:
         assert validation.validate_command(parser.get_task_obj())
+
+
+@pytest.mark.usefixtures("out")
+def test_settings_that_one_of_the_blended_styles_obeys_are_accepted(tmp_path):
+    """The main style has a network of its own, and that of the other is trained."""
+    (tmp_path / "p.pth").touch()
+    words = ["--blend", '{"q": 0.5}', "--network", str(tmp_path / "p.pth")]
+    words += ["--content", "embedded", "--StyleNetwork-settings", '{"iterations": 3}']
+    with CmdlineParser.global_instance(["StylizedTrajectory", *CELL, *words]) as parser:
+        stages = [*upstream_first(parser.get_task_obj())]
+    assert {s.is_trained for s in stages if isinstance(s, tasks.StyleNetwork)} == {True, False}
+    validation.require_effect(stages)
 
 
 @pytest.mark.parametrize("tuning", ['{"RadianceField": 5}', '{"RadianceField": ["iterations"]}'])

@@ -32,19 +32,31 @@ def settings_of(config: Any, inside: str = "") -> Iterator[str]:
             yield inside + each.name
 
 
-RATES_AND_WEIGHTS = [
-    (family, name)
-    for family, config in configurations().items()
-    for name in settings_of(config())
-    if f"_{name.rpartition('.')[2]}".endswith(("_rate", "_weight"))
-]
+def settings_ending_in(*ends: str) -> list[tuple[str, str]]:
+    """The stages and names of settings that end so."""
+    return [
+        (family, name)
+        for family, config in configurations().items()
+        for name in settings_of(config())
+        if f"_{name.rpartition('.')[2]}".endswith(ends)
+    ]
 
 
-@pytest.mark.parametrize(("family", "name"), RATES_AND_WEIGHTS)
+@pytest.mark.parametrize(("family", "name"), settings_ending_in("_rate", "_weight"))
 def test_a_rate_or_a_weight_below_zero_is_refused(family, name):
     """A wrong sign would maximize a loss for a whole fit, or move away from its minimum."""
     with rejects(f"setting {name!r}", name.rpartition(".")[2], "-1.0"):
         configured(configurations()[family], {name: -1.0})
+
+
+@pytest.mark.parametrize(("family", "name"), settings_ending_in("_seed"))
+def test_a_seed_that_a_library_does_not_take_is_refused(family, name):
+    """It ended in a traceback, after minutes."""
+    for seed in (-1, 2**31, 2**32):
+        with rejects(f"setting {name!r}", str(seed)):
+            configured(configurations()[family], {name: seed})
+    for seed in (0, 2**31 - 1):
+        assert configured(configurations()[family], {name: seed}) is not None
 
 
 def test_the_publication_has_48_components_and_total_variation_of_ten_to_one():

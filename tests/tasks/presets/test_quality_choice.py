@@ -22,7 +22,7 @@ from tasks.planning.remaining_time import cost_model, timing_of
 from tasks.planning.request_validation import configurations
 from tasks.planning.stage_costs import MeasuredSeconds, reference_costs
 from tasks.planning.stage_work import START_S
-from tasks.presets.presets import settings_for
+from tasks.presets.presets import DEFAULT_QUALITY, PRESETS, settings_for
 from tasks.presets.quality_choice import SHIPPED, Front, choose, fronts_for, require_reachable
 from tasks.presets.quality_request import quality_request
 
@@ -71,7 +71,66 @@ def mini(**words) -> StylizedTrajectory:
 )  # fmt: skip
 def test_a_request_is_served_by_the_front(quality, budget, found):
     choice = choose(quality_request(quality, budget), FRONT, as_there)
-    assert (choice.point, choice.quality, choice.front) == (found, "draft", FRONT.description)
+    assert (choice.point, choice.front) == (found, FRONT)
+
+
+def of_presets(**seconds: float):
+    """The times of points of fronts of these qualities, whatever the point is."""
+    return lambda front, _point: seconds[front.quality]
+
+
+@pytest.mark.parametrize(("budget", "quality"), [("30min", "standard"), ("10min", "draft")])
+def test_a_budget_with_time_for_the_default_quality_gets_it_and_says_what_it_is_above(
+    budget, quality
+):
+    """Five hours bought a draft."""
+    calibrated(1.0)
+    task, timing = mini(budget=budget), of_presets(draft=100.0, standard=900.0)
+    choice = choose(task.request, FRONT, timing)
+    chosen = task.at_point(choice.front, choice.point)
+    assert (chosen.quality, choice.point.seconds) == (quality, timing(choice.front, None))
+    assert chosen.tuning == choice.point.tuning == {}, (
+        "of the default quality, as of the best point"
+    )
+    assert FRONT.description in choice.description
+    assert f"--quality {quality}" in choice.description
+    keep_choice(task, FRONT, choice)
+    assert choice_for(task, task.request, FRONT) == choice, "the same command goes on with it"
+
+
+@pytest.mark.parametrize(("budget", "quality"), [("1125s", "standard"), ("1124s", "draft")])
+def test_the_default_quality_has_time_for_a_fit_that_becomes_longer(budget, quality):
+    """No prediction knows the quarter by which a fit that improves fast is longer."""
+    timing = of_presets(draft=100.0, standard=900.0)
+    assert choose(quality_request("standard", budget), FRONT, timing).front.quality == quality
+
+
+@pytest.mark.parametrize("quality", PRESETS)
+def test_no_budget_buys_more_than_the_default_quality(quality):
+    """What was swept around it or above has no use for it."""
+    front = replace(FRONT, quality=quality)
+    found = choose(quality_request("standard", "900h"), front, lambda *_: 1.0).front
+    assert found.quality == (DEFAULT_QUALITY if quality == "draft" else quality)
+
+
+def test_the_default_quality_is_the_one_of_a_command_without_any():
+    assert mini().quality == DEFAULT_QUALITY
+
+
+def test_a_bound_on_quality_is_served_by_the_front_alone():
+    choice = choose(quality_request("within 9 dB", ""), FRONT, of_presets(draft=9.0, standard=1.0))
+    assert choice.front == FRONT
+
+
+@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
+def test_the_default_quality_takes_longer_than_the_point_that_its_time_is_predicted_from(space):
+    """All stages of both do the same work, and most of them more of it."""
+    calibrated(1.0)
+    task, (front,) = mini(budget="5min"), fronts_for(SHIPPED / "none", space)
+    offer, _ = front.offers()
+    best = min(front.points, key=lambda point: point.shortfall_db)
+    timing = timing_of(task)
+    assert timing(offer, *offer.points) > timing(front, best)
 
 
 PAINTED = replace(FAST, style="painted", stylizer="arbitrary", shortfall_db=0.9, seconds=50.0)
@@ -82,13 +141,13 @@ def test_a_point_is_made_with_its_stylizer_and_the_choice_is_remembered(monkeypa
     task, request = mini(budget="60s"), quality_request("draft", "60s")
     front = replace(FRONT, points=(replace(PAINTED, tuning=FAST.tuning), FAST, GOOD))
     choice = choose(request, front, as_there)
-    chosen = task.at_point(choice.quality, choice.point)
+    chosen = task.at_point(choice.front, choice.point)
     assert (chosen.stylizer, chosen.budget) == ("arbitrary", "")
     assert "network" not in chosen.requires()
     assert "--stylizer arbitrary" in choice.description
     keep_choice(task, front, choice)
     assert choice_for(task, request, front).point.stylizer == "arbitrary"
-    assert task.at_point("draft", GOOD).stylizer == task.stylizer
+    assert task.at_point(FRONT, GOOD).stylizer == task.stylizer
 
 
 @pytest.mark.parametrize(
@@ -261,7 +320,7 @@ def test_a_choice_that_was_kept_stays_whatever_becomes_faster():
 @pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
 def test_the_settings_of_the_shipped_fronts_are_known(space):
     (front,) = fronts_for(SHIPPED / "none", space)
-    assert choose(quality_request("within 1 dB", ""), front, as_there).quality == "draft"
+    assert choose(quality_request("within 1 dB", ""), front, as_there).front.quality == "draft"
     assert json.loads((SHIPPED / f"{space}.json").read_text())["space"] == space
     for point in front.points:
         for stage, settings in point.tuning.items():
@@ -300,6 +359,22 @@ def test_words_that_do_not_go_together_are_refused(words):
         task.validate()
     assert task.resolved() is None
     assert not task.complete()
+
+
+@pytest.mark.parametrize("quality", PRESETS)
+@pytest.mark.parametrize("task", ["StylizedTrajectory", "Grid"])
+def test_a_budget_and_a_quality_by_its_name_are_refused_whichever_it_is(task, quality):
+    """The default was taken for none, and a draft was made."""
+    cell = {"Grid": ["--scenes", '["s"]', "--styles", '["p"]']}
+    words = [task, *cell.get(task, ["--scene", "s", "--style", "p"]), "--budget", "10min"]
+    for typed in ([], ["--quality", quality]):
+        with CmdlineParser.global_instance([*words, *typed]) as command:
+            (one,) = command.get_task_obj().cells()
+            if not typed:
+                one.validate()
+                continue
+            with rejects(f"--quality {quality} --budget 10min", "twice"):
+                one.validate()
 
 
 def test_settings_of_a_stage_and_a_request_are_refused():

@@ -24,10 +24,12 @@ from styletrf.files.images import read_rgb, write_rgb
 from styletrf.geometry.camera_table import write_cameras
 from styletrf.steps.camera_poses import solve_poses
 from styletrf.steps.step_run import StepRun
+from styletrf.steps.stylized_frames import Blend, stylized_frames
 from styletrf.steps.stylized_priors import stylize_priors
 from styletrf.style.style_network import (
     StyleNetwork,
     StyleNetworkConfig,
+    load_style_network,
     save_style_network,
     stylize,
 )
@@ -95,6 +97,7 @@ def test_the_example_of_the_library_fits_a_field(mini_poses: Path, tmp_path: Pat
     for folder in folders.values():
         folder.mkdir()
     exec(example, {"poses": mini_poses, **folders})
+    assert len(list(folders["work"].iterdir())) == 2  # no step has the checkpoint of another
     assert {path.name for path in folders["field"].iterdir()} == {
         "appearance.safetensors", "curve.parquet", "density.safetensors", "field.json",
     }  # fmt: skip
@@ -107,27 +110,53 @@ def test_an_optimization_that_starts_from_a_network_needs_one(mini, tmp_path: Pa
         stylize_priors(inputs, tmp_path, {}, StepRun(tmp_path), colors="style", factors=(1.0, 1.0))
 
 
-def test_without_a_painting_views_keep_the_colors_of_the_network(tmp_path: Path):
+CAMERAS = forward_cameras(2)
+
+
+def written_views(folder: Path, color: Any, opacity: Any, painting: Any) -> dict[str, Path]:
+    """The folders of two views, which are also a trajectory, of a small network and a painting."""
     network = StyleNetwork(StyleNetworkConfig(2, 1), torch.Generator().manual_seed(0))
-    priors, style = tmp_path / "priors", tmp_path / "style"
-    for folder in (priors / "frames", style, tmp_path / "network"):
-        folder.mkdir(parents=True)
-    save_style_network(network, tmp_path / "network")
+    inputs = {name: folder / name for name in ("priors", "network", "style")}
+    for path in (inputs["priors"] / "frames", inputs["network"], inputs["style"]):
+        path.mkdir(parents=True)
+    save_style_network(network, inputs["network"])
+    write_cameras(inputs["priors"] / "cameras.parquet", CAMERAS)
+    for camera in CAMERAS:
+        path = inputs["priors"] / "frames" / f"{camera.name}.exr"
+        write_float_image(path, color, opacity, np.ones_like(opacity), half=False)
+    write_rgb(inputs["style"] / "style.png", painting)
+    return inputs | {"trajectory": inputs["priors"]}
+
+
+def test_an_object_on_an_empty_ground_gets_the_mean_color_of_the_painting(tmp_path: Path):
+    """The map of colors was mostly that of the ground, which is put back afterwards."""
+    random, opacity = np.random.default_rng(0), np.zeros((40, 60), np.float32)
+    opacity[10:30, 20:40] = 1
+    color = np.ones((40, 60, 3), np.float32)
+    color[opacity > 0] = random.uniform(0.0, 0.4, (400, 3)) * [1.0, 0.6, 0.3]
+    painting = random.uniform(0.35, 0.65, (64, 64, 3)).astype(np.float32)
+    inputs, wanted = written_views(tmp_path, color, opacity, painting), painting.mean(axis=(0, 1))
+    (out := tmp_path / "out").mkdir()
+    stylize_priors(inputs, out, {}, StepRun(tmp_path, "cpu"), colors="style", factors=())
+    priors = [read_rgb(out / "frames" / f"{camera.name}.png") for camera in CAMERAS]
+    frames = stylized_frames(inputs, CAMERAS, {}, Blend(1.0, {}, {}), "cpu")
+    for image in (*priors, *frames):
+        np.testing.assert_allclose(image[opacity > 0].mean(axis=0), wanted, atol=1 / 255)
+        np.testing.assert_allclose(image[opacity == 0], 1)
+
+
+def test_without_a_painting_views_keep_the_colors_of_the_network(tmp_path: Path):
     color = np.random.default_rng(0).random((40, 60, 3), np.float32)
-    cameras, ones = forward_cameras(2), np.ones((40, 60), np.float32)
-    write_cameras(priors / "cameras.parquet", cameras)
-    for camera in cameras:
-        path = priors / "frames" / f"{camera.name}.exr"
-        write_float_image(path, color, ones, ones, half=False)
-    write_rgb(style / "style.png", color[::-1] ** 3)
-    inputs = {"priors": priors, "network": tmp_path / "network"}
-    painted = stylize(network.eval(), torch.from_numpy(color)).numpy()
+    ones = np.ones((40, 60), np.float32)
+    inputs = written_views(tmp_path, color, ones, color[::-1] ** 3)
+    style, network = inputs.pop("style"), load_style_network(inputs["network"])
+    painted = stylize(network, torch.from_numpy(color)).numpy()
     for given, are_kept in (({}, True), ({"style": style}, False)):
         out = tmp_path / f"kept {are_kept}"
         out.mkdir()
         run = StepRun(tmp_path, "cpu")
         stylize_priors(inputs | given, out, {}, run, colors="style", factors=())
-        for camera in cameras:
+        for camera in CAMERAS:
             shown = read_rgb(out / "frames" / f"{camera.name}.png")
             assert (np.abs(shown - painted).max() < 0.51 / 255) == are_kept
 

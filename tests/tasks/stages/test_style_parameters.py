@@ -57,7 +57,9 @@ def test_renders_are_matched_where_the_painting_and_its_colors_are_wanted(words,
 
 
 def test_renders_that_nothing_sharpens_need_the_sharper_weights():
-    for words, least in (({}, None), ({"match": "pixels"}, 0.95), ({"colors": "luminance"}, 0.95)):
+    nothing_after = {"settings": {"image.iterations": 0}}
+    of_pixels = ({"match": "pixels"}, {"colors": "luminance"}, nothing_after)
+    for words, least in (({}, None), *((words, 0.95) for words in of_pixels)):
         assert tasks.StylizedField(**WORDS, **words).values().get("weight_power.sharpness") == least
     given = {"weight_power.sharpness": 0.5}
     assert (
@@ -201,6 +203,13 @@ def test_an_invalid_parameter_is_refused_by_its_name(family, words, subject):
     assert error.value.subject.startswith(subject)
     assert error.value.problem
     assert error.value.remedy
+
+
+def test_factors_steer_an_optimization_whatever_network_it_starts_from():
+    """A network of the user's was said to rule them out."""
+    words = {"stylizer": "gatys", "network": __file__, "stroke_scale": 2.0, "content_weight": 3.0}
+    tasks.StyleNetwork(**WORDS, **words).validate()
+    assert tasks.StylizedPriors(**WORDS, **words).identity_parameters()["factors"] == [2.0, 3.0]
 
 
 def test_a_part_of_a_grid_is_whole_scenes():

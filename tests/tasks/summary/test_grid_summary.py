@@ -5,10 +5,12 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from types import SimpleNamespace
 
 import luigi
 import pytest
@@ -19,8 +21,10 @@ from pipeline.errors import TaskFailure
 from pipeline.execution.deadline import require_time_left
 from pipeline.job import write_outcome
 from pipeline.maintenance.task_graph import upstream_first
-from pipeline.settings import current_store
-from tasks.stages.linked_results import link_results
+from pipeline.settings import current_store, out_root
+from pipeline.task import StoredTask
+from tasks.stages.linked_results import LinkedStage, link_results
+from tasks.summary import grid_summary
 from tasks.summary.grid_summary import (
     CellOutcome,
     CostSummary,
@@ -108,6 +112,33 @@ def test_artifacts_of_this_run_are_built_and_earlier_ones_found(out):
     (later,) = summarize(grid.cells(), datetime.now(UTC)).stages
     assert (later.built, later.found, later.bytes, later.seconds) == (0, 1, 0, 0)
     assert ran.cells[0].outcome == "not begun"
+
+
+def test_an_artifact_that_scenes_share_counts_once_and_for_all_scenes(out, monkeypatch):
+    """The network is one for both scenes, though each has a task for it."""
+    now = datetime.now(UTC)
+
+    def record(task):
+        key = {"StyleNetwork": "shared", "SceneModel": task.task_id}.get(task.task_family)
+        return key and SimpleNamespace(
+            action=SimpleNamespace(family=task.task_family, key=key),
+            provenance={"seconds": 60.0, "peak_memory_bytes": 1, "started": now.isoformat()},
+            output=SimpleNamespace(digest=key, size=5),
+        )
+
+    monkeypatch.setattr(grid_summary, "found_record", record)
+    monkeypatch.setattr(grid_summary, "_outcome", lambda cell, _: cell)
+    grid = tasks.Grid(scenes=["mini", "other"], styles=["p"], **WORDS)
+    ran = summarize(grid.cells(), now)
+    assert {stage.name: (stage.built, stage.seconds) for stage in ran.stages} == {
+        "SceneModel": (2, 120.0),
+        "StyleNetwork": (1, 60.0),
+    }
+    assert {scene.name: scene.built for scene in ran.scenes} == {
+        "mini": 1,
+        "other": 1,
+        "all scenes": 1,
+    }
 
 
 @pytest.mark.parametrize(
@@ -232,3 +263,97 @@ def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, problem)
     said = capfd.readouterr()
     for text in (caplog.text, said.out, said.err, (out / "grid.json").read_text()):
         assert "s3cret" not in text.lower()
+
+
+class Moved(Listener):
+    """Answers with another address, where a request without a body succeeds."""
+
+    status = 301
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(self.status)
+        self.send_header("Location", "/new")
+        self.end_headers()
+
+    def do_GET(self) -> None:
+        self.heard.append({"path": self.path})
+        self.send_response(200)
+        self.end_headers()
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307])
+def test_a_redirect_of_the_webhook_is_a_warning_unless_it_was_read(
+    out, caplog, monkeypatch, status
+):
+    """Followed, it would be a request without the summary; 303 is the answer to one that was read.
+
+    After the others, nobody knows: some servers answer 302 to what they read.
+    """
+    monkeypatch.setattr(Listener, "heard", [])
+    monkeypatch.setattr(Moved, "status", status)
+    with HTTPServer(("127.0.0.1", 0), Moved) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        hook = f"http://127.0.0.1:{server.server_port}/hook"
+        luigi.configuration.get_config().set("grid", "webhook", hook)
+        try:
+            publish_summary(summary("made"))
+        finally:
+            luigi.configuration.get_config().remove_section("grid")
+            server.shutdown()
+    assert ("[grid] webhook" in caplog.text) is (status != 303)
+    assert mentions(caplog.text, *([str(status), "may"] if status != 303 else []))
+    assert "nothing" not in caplog.text
+    assert not Listener.heard
+
+
+class Page(LinkedStage):
+    """A cell of a grid that takes no time."""
+
+    scene, style = luigi.Parameter(), luigi.Parameter()
+    revision = "1"
+
+    def build(self, inputs: object, out: Path, run: object) -> None:
+        (out / "report.html").write_text("a page")
+
+    @property
+    def folder(self) -> Path:
+        return Path(out_root(), self.scene, self.style)
+
+    def links(self, place: Callable[[StoredTask], Path]) -> dict[str, Path]:
+        return {"report.html": place(self) / "report.html"}
+
+    def cells(self) -> list["Page"]:
+        return [self]
+
+
+@pytest.mark.usefixtures("inline")
+def test_a_cell_that_cannot_be_linked_has_failed(out):
+    """It is in the store, and its user sees nothing of it."""
+    (out / "yard").mkdir(parents=True)
+    (out / "yard" / "p").write_text("a file where the folder would be")
+    begun, cells = datetime.now(UTC), [Page(scene="yard", style=style) for style in "pq"]
+    assert not luigi.build(cells, local_scheduler=True, log_level="CRITICAL")
+    found = summarize(cells, begun)
+    assert [cell.outcome for cell in found.cells] == ["failed", "made"]
+    assert found.exit_status == grid_summary.EXIT_STATUS["failed"]
+    (out / "yard" / "p").unlink()
+    link_results(cells)
+    assert summarize(cells, begun).exit_status == 0
+
+
+def test_commands_of_one_second_upload_lists_of_different_names(monkeypatch):
+    uploaded: list[str] = []
+    replaced = {
+        "begin_of_command": lambda: datetime.fromtimestamp(0, UTC),
+        "summarize": lambda *_: replace(summary("made"), keys=["ab" * 32]),
+        "publish_summary": print,
+        "refresh_gallery": lambda _: None,
+        "upload_key_list": lambda _, name, keys: uploaded.append(name),
+    }
+    for name, value in replaced.items():
+        monkeypatch.setattr(grid_summary, name, value)
+    for process in (100, 101):
+        monkeypatch.setattr(os, "getpid", lambda process=process: process)
+        grid_summary.finish_command(SimpleNamespace(cells=list))
+    assert len(set(uploaded)) == 2
