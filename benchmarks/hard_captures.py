@@ -79,7 +79,13 @@ def source_of(scene: str, elsewhere: str, root: Path, folder: Path) -> Source:
     else:
         given = find_given_poses(place)
         views = given.views if given else ()
-    return Source(photographs_of(place), photographs_of(other), views)
+    if (place / "images").is_dir() or not views:
+        return Source(photographs_of(place), photographs_of(other), views)
+    first: dict[str, GivenView] = {}  # of each name: the makers copy all files into one folder
+    for view in views:
+        first.setdefault(view.file.name, view)
+    files = [view.file for view in first.values()]
+    return Source(files, photographs_of(other), tuple(first.values()))
 
 
 def _place(scene: str, root: Path, folder: Path) -> Path:
