@@ -31,10 +31,11 @@ $(VENV)/installed: pyproject.toml
 
 # The main job on the embedded scene, whose photographs the project makes itself: draft quality,
 # at 320 pixels and with fewer iterations and frames, for a first look in a few minutes.
-DEMO_SETTINGS = --SceneModel-settings '{"image_long_side": 320}' \
-	--RadianceField-settings '{"iterations": 1600, "steep_gain_db": 0}' \
-	--StyleNetwork-settings '{"crop_px": 128, "style_px": 267}' \
-	--StylizedField-settings '{"adaptation.iterations": 200}'
+DEMO_TUNING = {"SceneModel": {"image_long_side": 320}, \
+	"RadianceField": {"iterations": 1600, "steep_gain_db": 0}, \
+	"StyleNetwork": {"crop_px": 128, "style_px": 267}, \
+	"StylizedField": {"adaptation.iterations": 200}}
+DEMO_SETTINGS = --scene $(SCENE) --quality draft --tuning '$(DEMO_TUNING)'
 
 # The viewer shows every painting that the demo made so far.
 empty :=
@@ -44,10 +45,11 @@ DEMO_STYLES = $(sort $(STYLE) $(patsubst out/$(SCENE)/%/video.mp4,%,$(wildcard o
 
 demo: install
 	$(RUN)/python -m styletrf.synthetic.courtyard data/scenes/courtyard
-	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory \
-		--scene $(SCENE) --style $(STYLE) --quality draft $(DEMO_SETTINGS)
-	STYLETRF_DATA= $(RUN)/luigi --module tasks Viewer \
-		--scene $(SCENE) --styles '["$(subst $(space),"$(comma)",$(DEMO_STYLES))"]' --quality draft $(DEMO_SETTINGS)
+	STYLETRF_DATA= $(RUN)/luigi --module tasks StylizedTrajectory $(DEMO_SETTINGS) --style $(STYLE)
+	STYLETRF_DATA= $(RUN)/luigi --module tasks Viewer $(DEMO_SETTINGS) \
+		--styles '["$(subst $(space),"$(comma)",$(DEMO_STYLES))"]'
+	@echo 'Other commands find these stages by the same settings, such as the one that serves the viewer:'
+	@echo $(RUN)'/styletrf view '$(SCENE)' --quality draft --tuning '"'"'$(DEMO_TUNING)'"'"
 
 # Idle OpenMP threads sleep: torch and numba have a pool each, and spinning threads of one take the
 # cores of the other.

@@ -6,6 +6,7 @@ Settings are those of `make demo`, whose stages are found again; a tile bears th
 command. Only the frame that is shown is rendered.
 """
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -48,8 +49,9 @@ OPTIONS: tuple[dict[str, Any], ...] = (
 def demo_settings() -> dict[str, Any]:
     """Returns the settings of `make demo`, as the Makefile has them, by stage."""
     text = Path(__file__).parents[2].joinpath("Makefile").read_text()
-    found = re.findall(r"--(\w+)-settings '(\{.*?\})'", text)
-    return {family: luigi.DictParameter().parse(value) for family, value in found}
+    (found,) = re.findall(r"DEMO_TUNING = (\{.*?\}\})\n", text, re.DOTALL)
+    settings: dict[str, Any] = json.loads(found.replace("\\\n", ""))
+    return settings
 
 
 def frame_under(words: dict[str, Any]) -> np.ndarray:

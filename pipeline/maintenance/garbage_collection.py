@@ -89,12 +89,10 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
     for why, holders in _references(store, known, keep_last, grace_hours).items():
         addresses = {address for _, held in holders for address in held}
         for record in ancestors(addresses, known):
-            path, provenance = store.object(record.output.digest), record.provenance
+            path = store.object(record.output.digest)
             if path not in needed:
                 yield GcDecision(path, "artifacts", record.output.size, why, delete=False)
-            needed |= {path, store.action(record.action.key)}
-            needed.add(store.code(str(provenance.get("closure", record.action.code))))
-            needed.add(store.root / str(provenance["log"]))
+            needed |= {store.action(record.action.key), *_needs(store, record)}
         needed |= {path for path, _ in holders} | {store.object(each) for each in addresses}
     for pattern, hours, why in _RETENTION_RULES:
         for path in sorted(store.root.glob(pattern)):
@@ -103,6 +101,13 @@ def _decisions(store: Store, keep_last: int, grace_hours: float) -> Iterator[GcD
                 maker, folder = known.get(path.name), pattern.partition("/")[0]
                 what = str(maker.provenance.get("label")) if maker else folder
                 yield GcDecision(path, what, size_bytes(path), why, delete=True)
+
+
+def _needs(store: Store, record: ActionRecord) -> set[Path]:
+    """Returns the paths of a record's object, of the code that made it, and of the log."""
+    code = str(record.provenance.get("closure", record.action.code))
+    log = store.root / str(record.provenance["log"])
+    return {store.object(record.output.digest), store.code(code), log}
 
 
 def _by_address(store: Store) -> dict[str, ActionRecord]:
@@ -160,16 +165,22 @@ def size_bytes(path: Path) -> int:
 
 
 def _set_aside(store: Store, decisions: Sequence[GcDecision]) -> list[GcDecision]:
-    """Moves the garbage to `trash/`; returns the decisions: what other users own stays."""
-    made, foreign = list(decisions), 0
+    """Moves the garbage to `trash/`; returns the decisions.
+
+    What other users own stays, and with a record what it needs. Records come first.
+    """
+    made, foreign, needed = list(decisions), 0, set[Path]()
     for index, decision in enumerate(decisions):
-        if not decision.delete:
+        if not decision.delete or decision.path in needed:
+            made[index] = replace(decision, delete=False)
             continue
         try:
             store.set_aside(decision.path, "trash")
         except PermissionError:  # in a store of a group
             made[index] = replace(decision, why="another user owns it", delete=False)
             foreign += 1
+            record = store.record(decision.path.stem)
+            needed |= _needs(store, record) if record else set()
         store.reached("trashed")
     if foreign:
         text = "Paths that other users own stay: %d. Their owners, or root, can collect them."

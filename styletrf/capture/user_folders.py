@@ -74,10 +74,10 @@ def find_scene(data_root: Path, name: str) -> Path:
 
 def _scene_named(scenes: Path, name: str) -> Path:
     """Returns the folder of a scene, whether or not there is one."""
-    own = scenes / name
-    if own.exists():
+    own, typed = scenes / name, composed(name)
+    if own.exists() or name.isascii():
         return own
-    alike = (path for path in scenes.glob("*") if composed(path.name) == composed(name))
+    alike = (path for path in scenes.glob("*") if composed(path.name) == typed)
     return next((path for path in alike if path.is_dir()), own)
 
 

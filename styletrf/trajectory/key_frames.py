@@ -149,6 +149,9 @@ def _frame(path: Path, name: str, entry: Any) -> KeyFrame:
         )
     if orientation is not None and math.hypot(*orientation) < 1e-6:
         raise InputError(str(path), f"{name}.orientation is zero", "Give w, x, y, z of a rotation")
+    if look_at is not None and look_at == position:
+        problem = f"{name}.look_at is the position itself, which is no direction"
+        raise InputError(str(path), problem, "Look at another place")
     fov_deg = _number(path, f"{name}.fov_deg", values.get("fov_deg"), 1.0, WIDEST_FOV_DEG)
     time_s = _number(path, f"{name}.time_s", values.get("time_s"), 0.0, LONGEST_S)
     return KeyFrame(photograph, position, orientation, look_at, fov_deg, time_s)

@@ -45,7 +45,7 @@ def named_path(
       around another as many turns up and down.
     - dolly: straight ahead from the photograph that looks most as all do, towards the focus.
     - photographs: the way of the photographs in their own order, smoothed. Where their views look
-      all around, as those of panoramas, the way looks ahead.
+      all around along it, as those of panoramas, the way looks ahead.
 
     Args:
         name: The name of the path.
@@ -54,7 +54,9 @@ def named_path(
         config: The spread, turns and stabilization of the path.
     """
     if name == "photographs":
-        if looks_all_around(cameras, config.stabilization):
+        # Directions also cancel around an object or a room, where nobody looked all around.
+        is_walk = model.looking == "along"
+        if is_walk and looks_all_around(cameras, config.stabilization):
             way = onwards(cameras, config.stabilization)
             cameras = facing(*way, typical_view(cameras))
         return _through_photographs(cameras, config.stabilization)

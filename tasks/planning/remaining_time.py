@@ -3,15 +3,16 @@
 import json
 import math
 from collections.abc import Callable
+from datetime import datetime
 from typing import Any
 
 import luigi
 
-from pipeline.maintenance.task_graph import stored_tasks
+from pipeline.maintenance.task_graph import stored_tasks, upstream_first
 from pipeline.task import StoredTask
 from styletrf.evaluation.trade_off import Combination
-from tasks.command.found_records import is_made
-from tasks.command.sources import builds_alone
+from tasks.command.found_records import found_record, is_made
+from tasks.command.sources import begin_of_command, builds_alone
 from tasks.machine.calibration import calibration_of_machine
 from tasks.planning.artifact_names import ArtifactNames
 from tasks.planning.memory_demand import Photographs
@@ -85,12 +86,15 @@ def _costs_of_point(
 
 
 def timing_of(task: Any) -> Timing:
-    """Returns a function that predicts the seconds that the settings of a point still take here.
+    """Returns a function that predicts the seconds that the settings of a point take here.
+
+    They are those of the stages that the command has made, and of those that it has yet to make.
 
     Args:
         task: A `StylizedTrajectory`.
     """
     found, models = FoundStages(), dict[str, CostModel]()
+    spent_s = _spent_s(task) if builds_alone() else 0.0
     known: dict[tuple[str, str], float] = {}
 
     def seconds(front: Front, point: Combination) -> float:
@@ -103,10 +107,18 @@ def timing_of(task: Any) -> Timing:
         is_found = found.has if builds_alone() else _never
         stages = stages_to_make(task.at_point(front, point), is_found)
         cost_of = _costs_of_point(model, front, point)
-        known[name] = math.fsum(cost_of(stage).seconds for stage in stages)
+        known[name] = spent_s + math.fsum(cost_of(stage).seconds for stage in stages)
         return known[name]
 
     return seconds
+
+
+def _spent_s(task: Any) -> float:
+    """Returns the seconds of what this command has made to decide the settings of a task."""
+    records = [found_record(stage) for stage in upstream_first(*task.deps()) if task.request]
+    costs: list[Any] = [record.provenance for record in records if record]
+    made = [c for c in costs if datetime.fromisoformat(c["started"]) >= begin_of_command()]
+    return math.fsum(float(cost["seconds"]) for cost in made)
 
 
 def _measured(front: Front, point: Combination, stage: StoredTask) -> MeasuredSeconds | None:

@@ -17,6 +17,7 @@ from pipeline.execution.fork_server import output_of
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.errors import InputError
+from tasks.command.root_task import is_typed
 from tasks.command.sources import may_stop, sources_of, unreadable_sources
 from tasks.planning.stage_demands import demands_of
 from tasks.stages.field import TrajectoryFrames
@@ -81,13 +82,14 @@ def require_room(root: Path) -> None:
 
 
 def require_effect(stages: Sequence[luigi.Task]) -> None:
-    """Refuses settings that all stages of a family drop from their values.
+    """Refuses settings of the command line that all stages of a family drop from their values.
 
-    Such are those of a network that is not trained.
+    Such are those of a network that is not trained. Those of `luigi.cfg` are for other commands,
+    too.
     """
     unused = dict[str, set[str]]()
     for stage in stages:
-        if isinstance(stage, ConfigurableStage) and stage.settings:
+        if isinstance(stage, ConfigurableStage) and _has_typed_settings(stage):
             ignored = set(stage.settings) - set(stage.values())
             unused[stage.task_family] = unused.get(stage.task_family, ignored) & ignored
     for family, names in unused.items():
@@ -95,6 +97,12 @@ def require_effect(stages: Sequence[luigi.Task]) -> None:
             subject = f"{', '.join(sorted(names))} of --{family}-settings"
             problem = "has no effect beside the other options of this command"
             raise InputError(subject, problem, "Leave it out")
+
+
+def _has_typed_settings(stage: ConfigurableStage) -> bool:
+    return is_typed(f"{stage.task_family}_settings") or bool(
+        stage.settings and is_typed("settings")
+    )
 
 
 def _given_settings(stages: Sequence[luigi.Task]) -> Iterator[tuple[str, str]]:

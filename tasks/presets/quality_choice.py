@@ -64,7 +64,8 @@ class Front:
         best = min(self.points, key=lambda point: point.shortfall_db)
         default_quality = replace(
             self,
-            description=f"the default quality, predicted by and no part of {self.description}",
+            description="the default quality, with a time predicted from"
+            f" {self.description}, which does not contain it",
             quality=DEFAULT_QUALITY,
             points=(UNMEASURED,),
             longer=_LONGER,
@@ -78,7 +79,7 @@ class Front:
 
 
 Timing = Callable[[Front, Combination], float]
-"""Returns the seconds that the settings of a point take here, without the stages that exist."""
+"""Returns the seconds that the settings of a point take here, without what was there before."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -234,7 +234,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
             choice, known = self._choice(), ""
         else:
             choice = slowest_choice(self.request, self._fronts(), timing_of(self))
-            known = "the kind of space is unknown yet; assuming "
+            known = "the kind of space is unknown yet; the slowest case: "
         return self.at_point(choice.front, choice.point), f"{known}{choice.description}", choice
 
     def _keep_choice(self) -> Choice:

@@ -47,8 +47,9 @@ class Stage(StoredTask):
 
     keep_going = BoolParameter(
         significant=False,
-        description="builds all that needs no painting, photographs or weights that cannot be used,"
-        " instead of stopping, and despite a predicted lack of memory or disk space",
+        description="builds all that needs no painting, photographs, content or weights that are"
+        " missing or cannot be used, instead of stopping, and despite a predicted lack of memory or"
+        " disk space",
     )
 
     @property

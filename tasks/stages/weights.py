@@ -76,5 +76,6 @@ def _of_published(option: str, source: str, published: tuple[str, ...]) -> Mappi
     """Returns no digests: a published network is read from a package or a download."""
     if source not in published:
         remedy = f"Give {', '.join(published)}, or what lies on this machine by its path"
-        raise InputError(f"{option} {source}", "there is no such file or folder", remedy)
+        problem = "is a folder" if Path(source).exists() else "there is no such file or folder"
+        raise InputError(f"{option} {source}", problem, remedy)
     return {}

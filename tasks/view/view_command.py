@@ -49,8 +49,17 @@ def run(arguments: Sequence[str]) -> int:
             return _serve(given, others)
     except (InputError, StoreError, ParameterException) as error:
         raise SystemExit(str(error)) from error
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not _is_interrupt(error):
+            raise
         return 0
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Returns whether Ctrl-C caused an error: numba turns it into a `SystemError`."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def parser() -> ArgumentParser:

@@ -434,6 +434,21 @@ def test_what_may_not_be_moved_stays_and_the_other_garbage_goes(store, monkeypat
     assert [mentions(warned.message, "1", "own") for warned in caplog.records] == [True]
 
 
+def test_a_record_that_may_not_be_moved_keeps_its_artifact(store, monkeypatch):
+    kept, *gone = (made(store, name) for name in "abc")
+    rename = Path.rename
+
+    def refused(path: Path, target: Path) -> Path:
+        if path == store.action(kept.action.key):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", refused)
+    collect_all(store)
+    assert store.find(kept.action.key) == kept
+    assert not any(store.object(record.output.digest).exists() for record in gone)
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="wants root, who can become two users")
 def test_in_the_store_of_a_group_each_user_collects_what_is_theirs(public):
     public.chmod(0o777)

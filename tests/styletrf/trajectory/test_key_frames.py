@@ -34,7 +34,9 @@ FOVS = st.none() | st.floats(1, WIDEST_FOV_DEG)
 PLACES = st.one_of(
     st.tuples(st.text(min_size=1), st.none(), st.none(), st.none(), FOVS),
     st.tuples(st.just(""), POINTS, QUATERNIONS, st.none(), FOVS),
-    st.tuples(st.just(""), POINTS, st.none(), POINTS, FOVS),
+    st.tuples(st.just(""), POINTS, st.none(), POINTS, FOVS).filter(
+        lambda place: place[1] != place[3]
+    ),
 )
 
 
@@ -76,6 +78,10 @@ MISTAKES = {
     "no rotation": (
         {"key_frames": [{"position": [0, 0, 0], "orientation": [0, 0, 0, 0]}]},
         "key_frames[0].orientation is zero",
+    ),
+    "at itself": (
+        {"key_frames": [{"position": [0, 1, 2], "look_at": [0, 1, 2]}]},
+        "key_frames[0].look_at is the position",
     ),
     "too wide": ({"key_frames": [PLACE | {"fov_deg": 180}]}, "not a number from 1 to 170"),
     "truth": ({"key_frames": [PLACE | {"fov_deg": True}]}, "not a number from 1 to 170"),

@@ -130,6 +130,28 @@ def test_a_round_of_few_photographs_is_gone_looking_as_they_do(count, side):
     assert side * (outward * ahead).sum(axis=1).min() > 0.99
 
 
+ARCS = [(3, 180), (5, 180), (5, 240), (8, 240), (12, 240), (3, 360), (4, 360), (12, 360)]
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+@pytest.mark.parametrize("stabilization", [0.0, 1.5, 5.0])
+@pytest.mark.parametrize(("count", "extent_deg"), ARCS)
+def test_a_path_through_photographs_around_an_object_looks_at_it(
+    count, extent_deg, stabilization, in_order
+):
+    """Far apart or smoothed much, their directions cancel as those of panoramas do."""
+    turn = np.radians(np.linspace(0, extent_deg, count, endpoint=extent_deg < 360))
+    turn = turn if in_order else np.random.default_rng(0).permutation(turn)
+    centers = 3 * np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    cameras = [looking(center, np.zeros(3)) for center in centers]
+    model = decide_scene_model(cameras, points_of("block"), SceneModelConfig())
+    config = TrajectoryConfig(stabilization=stabilization)
+    poses = named_path("photographs", model.normalized(cameras), model, config).poses
+    to_object = np.array(model.focus) - poses.centers
+    to_object /= np.linalg.norm(to_object, axis=1, keepdims=True)
+    assert (matrices_of(poses.quaternions)[:, :, 2] * to_object).sum(axis=1).min() > 0.99
+
+
 def test_photographs_that_look_to_several_sides_are_passed_as_they_are_without_smoothing():
     cameras = corridor(SIDES["left and right"], in_spots=False)
     poses = named_path(

@@ -68,6 +68,13 @@ def test_weights_that_are_published_or_there_can_be_read(tmp_path):
         assert list(unreadable_sources(root)) == []
 
 
+@pytest.mark.usefixtures("out")
+def test_a_folder_is_no_file_of_weights(tmp_path):
+    (line,) = unreadable_sources(tasks.StylizedTrajectory(**WORDS, perceptual=str(tmp_path)))
+    assert mentions(line, "folder")
+    assert not mentions(line, "no")
+
+
 @pytest.fixture
 def failed_painting(out):
     """A command whose painting could not be read, as the log in the store says."""

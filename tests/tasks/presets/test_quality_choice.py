@@ -3,6 +3,8 @@
 import json
 import re
 from dataclasses import asdict, replace
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import pytest
 from expected_errors import rejects
@@ -253,6 +255,25 @@ def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
     assert cost_model(task, front).expected(stage, measured).seconds == pytest.approx(30.0)
     families = {s.task_family for s in graph_of(task)}
     assert timing_of(task)(front, front.points[0]) >= 30.0 * len(families & stages.keys())
+
+
+def test_what_a_command_made_to_decide_its_settings_counts_for_its_budget(monkeypatch):
+    """A budget was full again after the camera poses."""
+    calibrated(1.0)
+    begun = datetime.now(UTC)
+    monkeypatch.setattr("tasks.planning.remaining_time.begin_of_command", lambda: begun)
+    front = replace(FRONT, calibration=reference_costs().calibration)
+
+    def seconds(started: datetime) -> float:
+        record = SimpleNamespace(provenance={"started": started.isoformat(), "seconds": 50.0})
+        monkeypatch.setattr(
+            "tasks.planning.remaining_time.found_record",
+            lambda stage: record if stage.task_family == "CameraPoses" else None,
+        )
+        return timing_of(mini(budget="5min"))(front, GOOD)
+
+    earlier, now = (seconds(begun + timedelta(seconds=each)) for each in (-1.0, 1.0))
+    assert now == pytest.approx(earlier + 50.0)
 
 
 def test_the_seconds_of_another_scene_are_scaled_by_its_photographs():

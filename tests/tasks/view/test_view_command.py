@@ -23,6 +23,21 @@ def test_a_scene_without_results_is_refused_with_the_command_that_makes_them():
     assert command in str(error.value)
 
 
+@pytest.mark.parametrize("cause", [KeyboardInterrupt(), ValueError()])
+def test_an_interrupt_in_a_compiled_function_ends_the_command_and_other_errors_do_not(
+    cause, monkeypatch
+):
+    def interrupted(*_given: object) -> int:
+        raise SystemError("returned a result with an exception set") from cause
+
+    monkeypatch.setattr("tasks.view.view_command._serve", interrupted)
+    if isinstance(cause, KeyboardInterrupt):
+        assert run(["mini"]) == 0
+    else:
+        with pytest.raises(SystemError):
+            run(["mini"])
+
+
 @pytest.mark.usefixtures("store")
 @pytest.mark.parametrize(
     ("words", "named"),
