@@ -2,6 +2,7 @@
 
 import errno
 import signal
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -134,6 +135,9 @@ def test_an_attempt_that_was_interrupted_is_no_failure(store, toys, sent, worker
     pids_of_slow(toys)
     process.send_signal(sent)
     process.communicate(timeout=20)
+    deadline = time.monotonic() + 10  # processes of a killed command end a moment later
+    while any(each.is_under_way for each in attempts(store)) and time.monotonic() < deadline:
+        time.sleep(0.02)
     (attempt,) = attempts(store)
     assert (attempt.kind, attempt.is_under_way) == ("interrupted", False)
     assert find_blocking_failure(Slow(), store) is None
