@@ -1,9 +1,15 @@
 """Artifacts of processes that are gone, and what is there of them."""
 
+from functools import partial
+
 from killing import make, run
 
+from pipeline.maintenance.garbage_collection import collect
 from pipeline.record import ActionRecord
 from pipeline.store import Store
+
+collect_all = partial(collect, keep_last=0, grace_hours=0, delete=True)
+"""Deletes all that nothing uses, however young it is."""
 
 
 def made(store: Store, *arguments, **options) -> ActionRecord:

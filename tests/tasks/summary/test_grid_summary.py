@@ -225,6 +225,20 @@ def test_a_webhook_that_does_not_answer_is_a_warning(out, address, caplog, is_th
     assert hook not in caplog.text
 
 
+def publish_to(listener: type[Listener], hook: str) -> None:
+    """Publishes a summary; HERE in the address is the listener's, and HERES the same by https."""
+    with HTTPServer(("127.0.0.1", 0), listener) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        here = f"://127.0.0.1:{server.server_port}"
+        hook = hook.replace("HERES", f"https{here}").replace("HERE", f"http{here}")
+        luigi.configuration.get_config().set("grid", "webhook", hook)
+        try:
+            publish_summary(summary("made"))
+        finally:
+            luigi.configuration.get_config().remove_section("grid")
+            server.shutdown()
+
+
 class Refusing(Listener):
     """Answers with an error that quotes what it was asked."""
 
@@ -249,16 +263,7 @@ class Refusing(Listener):
 )
 def test_the_address_of_a_webhook_is_a_secret(out, caplog, capfd, hook, problem):
     """Who has it can post. Errors of the library, and answers of a server, quote it."""
-    with HTTPServer(("127.0.0.1", 0), Refusing) as server:
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        here = f"://127.0.0.1:{server.server_port}"
-        hook = hook.replace("HERES", f"https{here}").replace("HERE", f"http{here}")
-        luigi.configuration.get_config().set("grid", "webhook", hook)
-        try:
-            publish_summary(summary("made"))
-        finally:
-            luigi.configuration.get_config().remove_section("grid")
-            server.shutdown()
+    publish_to(Refusing, hook)
     assert mentions(caplog.text, "[grid] webhook", problem)
     said = capfd.readouterr()
     for text in (caplog.text, said.out, said.err, (out / "grid.json").read_text()):
@@ -292,15 +297,7 @@ def test_a_redirect_of_the_webhook_is_a_warning_unless_it_was_read(
     """
     monkeypatch.setattr(Listener, "heard", [])
     monkeypatch.setattr(Moved, "status", status)
-    with HTTPServer(("127.0.0.1", 0), Moved) as server:
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        hook = f"http://127.0.0.1:{server.server_port}/hook"
-        luigi.configuration.get_config().set("grid", "webhook", hook)
-        try:
-            publish_summary(summary("made"))
-        finally:
-            luigi.configuration.get_config().remove_section("grid")
-            server.shutdown()
+    publish_to(Moved, "HERE/hook")
     assert ("[grid] webhook" in caplog.text) is (status != 303)
     assert mentions(caplog.text, *([str(status), "may"] if status != 303 else []))
     assert "nothing" not in caplog.text
