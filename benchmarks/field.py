@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import build_environment  # noqa: F401
 import numpy as np
 import torch
 from given_scenes import GivenScene, load_given_scene

@@ -5,7 +5,8 @@
 
 `measure` runs commands of `targets.toml` from the root of the repository, one after the other, with
 a store and results below `--folder`, and notes what they reach in `figures.json`, with commit, day
-and machine. `table` writes the table in `README.md` from both. Measure with nothing beside it.
+and machine. Figures that no single command measures are entered in `targets.toml`. `table` writes
+the table at the beginning of `README.md` from both files. Measure with nothing beside it.
 """
 
 import argparse
@@ -34,7 +35,16 @@ BEGIN, END = "<!-- figures: begin -->\n", "<!-- figures: end -->\n"
 
 def runs() -> list[dict[str, Any]]:
     """Returns the commands and their targets."""
-    return list(tomllib.loads((HERE / "targets.toml").read_text())["run"])
+    return list(_promises()["run"])
+
+
+def entered() -> dict[str, list[dict[str, Any]]]:
+    """Returns the figures that no single command measures, with their targets, by subject."""
+    return dict(_promises()["entered"])
+
+
+def _promises() -> dict[str, Any]:
+    return tomllib.loads((HERE / "targets.toml").read_text(encoding="utf-8"))
 
 
 def measured(run: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -85,31 +95,50 @@ def _output(*command: str) -> str:
 
 
 def table(found: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the table's lines; a figure that misses its target is marked."""
-    yield "| what | command | figure | target | measured | commit, day |"
-    yield "|---|---|---|---|---|---|"
+    """Yields the usual machine and the table's lines; a figure that misses its target is marked."""
+    usual = _promises()["machine"]
+    yield f"A row that names no machine was measured on this one: {usual}."
+    yield ""
+    yield _row("what", "target", "measured", "commit, day", "command, or sections of history.md")
+    yield _row(*["---"] * 5)
+    yield _row("**Commands**", "", "", "", "")
     for run in runs():
-        of_run = found.get(run["name"], {"figures": {}})
-        made = _provenance(of_run) if of_run["figures"] else ""
-        first = f"{run['what']} | `{run['command']}`"
-        for figure in run["figures"]:
-            value = of_run["figures"].get(figure["what"])
-            cells = first, figure["what"], _target(figure), _shown(figure, value), made
-            yield f"| {' | '.join(cells)} |"
-            first, made = " | ", ""
+        yield from _rows_of_run(run, found.get(run["name"], {"figures": {}}), usual)
+    for subject, entries in entered().items():
+        yield _row(f"**{subject}**", "", "", "", "")
+        yield from (_entered_row(entry, usual) for entry in entries)
 
 
-def _provenance(of_run: Mapping[str, Any]) -> str:
-    remark = of_run.get("remark", "")
-    return ", ".join(part for part in (of_run["commit"], of_run["day"], remark) if part)
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _rows_of_run(run: Mapping[str, Any], of_run: Mapping[str, Any], usual: str) -> Iterator[str]:
+    made = _provenance(of_run, usual)
+    what, command = run["what"], f"`{run['command']}`"
+    for figure in run["figures"]:
+        value = of_run["figures"].get(figure["what"])
+        cells = f"{what}: {figure['what']}", _target(figure), _shown(figure, value)
+        yield _row(*cells, made, command)
+        what, made, command = "the same", "", ""
+
+
+def _entered_row(entry: Mapping[str, Any], usual: str) -> str:
+    links = [f"[{title}](history.md#{name})" for title, name in entry["sections"].items()]
+    figure = entry.get("figure", "not measured")
+    made = _provenance(entry, usual)
+    return _row(entry["what"], entry.get("target", ""), figure, made, ", ".join(links))
+
+
+def _provenance(of: Mapping[str, Any], usual: str) -> str:
+    parts = [of.get(name, "") for name in ("commit", "day", "machine", "remark")]
+    return ", ".join(part for part in parts if part and part != usual)
 
 
 def _target(figure: Mapping[str, Any]) -> str:
-    return (
-        f"at most {figure['at_most']:g}"
-        if "at_most" in figure
-        else f"at least {figure['at_least']:g}"
-    )
+    bound = "at_most" if "at_most" in figure else "at_least"
+    before = f" ({figure['earlier']:g} before)" if "earlier" in figure else ""
+    return f"{bound.replace('_', ' ')} {figure[bound]:g}{before}"
 
 
 def _shown(figure: Mapping[str, Any], value: float | None) -> str:

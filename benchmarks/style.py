@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import build_environment  # noqa: F401
 import cv2
 import torch
 

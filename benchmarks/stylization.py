@@ -19,6 +19,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+import build_environment  # noqa: F401
 import luigi
 import torch
 from task_of import task_of

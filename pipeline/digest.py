@@ -51,7 +51,7 @@ def tree_digest(root: Path) -> Tree:
     """
     listing: list[tuple[str, int, str]] = []
     size = files = 0
-    for path, status in walk(root):
+    for path, status in entries_below(root):
         name = path.relative_to(root).as_posix()
         if stat.S_ISDIR(status.st_mode):
             listing.append((f"{name}/", 0, ""))
@@ -71,11 +71,11 @@ def is_tree(root: Path, tree: Tree) -> bool:
 
 def measure(root: Path) -> tuple[int, int]:
     """Returns the bytes and the number of the files below `root`, without reading them."""
-    sizes = [status.st_size for _, status in walk(root) if stat.S_ISREG(status.st_mode)]
+    sizes = [status.st_size for _, status in entries_below(root) if stat.S_ISREG(status.st_mode)]
     return sum(sizes), len(sizes)
 
 
-def walk(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
+def entries_below(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
     """Yields every file and directory below `root`, parents first, in the order of their names.
 
     Raises:
@@ -89,4 +89,4 @@ def walk(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
             raise ValueError(f"{path} is neither a file nor a directory")
         yield path, status
         if stat.S_ISDIR(status.st_mode):
-            yield from walk(path)
+            yield from entries_below(path)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pipeline.canonical import Json
-from pipeline.digest import Tree, is_tree, tree_digest, walk
+from pipeline.digest import Tree, entries_below, is_tree, tree_digest
 from pipeline.record import Action, ActionRecord
 from pipeline.store import Store
 
@@ -45,7 +45,7 @@ def publish(
     if tree != (expected or tree):
         raise ValueError(f"its bytes have the digest {tree.digest}")
     store.reached("hashed")
-    for path in [out, *(path for path, _ in walk(out))]:
+    for path in [out, *(path for path, _ in entries_below(out))]:
         sync(path)
     store.reached("synced")
     with store.run.lease(action.key):
@@ -131,7 +131,7 @@ def sync(path: Path) -> None:
 
 def protect(root: Path) -> None:
     """Makes everything read-only, against accidents; this does not prove integrity."""
-    for path in [root, *(path for path, _ in walk(root))]:
+    for path in [root, *(path for path, _ in entries_below(root))]:
         mode = 0o555 if path.is_dir() else 0o444
         if path.stat().st_mode & 0o7777 != mode:  # only its owner may change it
             path.chmod(mode)

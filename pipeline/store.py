@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.digest import is_tree, measure, walk
+from pipeline.digest import entries_below, is_tree, measure
 from pipeline.errors import StoreError
 from pipeline.locks import Run, is_held, locked, try_lock
 from pipeline.record import ActionRecord
@@ -144,7 +144,7 @@ class Store:
             return "missing"
         if not (is_tree(path, record.output) if deep else self.intact(record)):
             return "altered"
-        modes = [path.stat().st_mode, *(status.st_mode for _, status in walk(path))]
+        modes = [path.stat().st_mode, *(status.st_mode for _, status in entries_below(path))]
         return "writable" if any(mode & 0o222 for mode in modes) else None
 
     def quarantine(self, path: Path) -> Path:

@@ -167,7 +167,7 @@ class StoredTask(ArtifactTask):
 
 @functools.cache
 def _first_code(task: type, family: str, revision: str | None) -> tuple[str, str]:
-    """Returns the code as this process read it first, and what represents it in the key.
+    """Returns the code as this process read it first, and the text that represents it in the key.
 
     Imported code does not change with the files.
     """

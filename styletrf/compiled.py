@@ -2,7 +2,7 @@
 
 numba keeps the code of a function while the function's own file stays the same. But functions and
 constants of other files may be compiled into it, so that the kept code may be stale. Here the
-folder is named by all files of the function's package, the version of numba and the processor.
+folder is named by all files of the function's own folder, numba's version and the processor.
 Where one of them changes, another folder begins, and everything is compiled again.
 """
 
@@ -26,7 +26,8 @@ KEPT_FOLDERS = 8
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Returns the decorator `numba.njit(**options)`, whose compiled code is kept and never stale.
 
-    What a function calls or reads of the project has to lie in its own package.
+    All code of the project that a function calls or reads has to lie in files of its own folder,
+    not in packages below it; a test checks this.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:

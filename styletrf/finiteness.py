@@ -36,7 +36,7 @@ def require_finite(stage: str, where: str, tensors: Iterable[Named]) -> None:
 def parameter_stages(
     module: nn.Module, optimizer: torch.optim.Optimizer | None = None
 ) -> Iterator[Named]:
-    """Yields what earlier iterations left: mean gradients and their squares, then parameters.
+    """Yields the state that iterations left: mean gradients and their squares, then parameters.
 
     A gradient above 1e19 has an infinite square, by which Adam divides: its parameter would never
     change again.
@@ -51,7 +51,7 @@ def parameter_stages(
 
 
 def require_finite_file(path: Path, tensors: Iterable[Named]) -> None:
-    """Refuses what was read from a file where it is not finite.
+    """Refuses a file with a tensor that is not finite.
 
     Raises:
         InputError: It names the file and the first tensor that is not finite.

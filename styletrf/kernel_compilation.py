@@ -77,7 +77,7 @@ def compile_splat_kernels() -> None:
 
 
 def compile_all_but_the_field() -> None:
-    """Compiles what takes less time together than the kernels of the field do."""
+    """Compiles the kernels outside of the field, which together take less time than the field's."""
     compile_courtyard_and_matching_kernels()
     compile_viewer_kernels()
     compile_splat_kernels()

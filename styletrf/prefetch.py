@@ -17,7 +17,7 @@ def prefetch(
     """Yields `function(item)` for each item, in order, with at most `ahead` results in waiting.
 
     `items` may be endless. An exception of `function` is raised in its turn, and one of `items` as
-    soon as it occurs. Closing the iterator drops what has not begun.
+    soon as it occurs. Closing the iterator drops the calls that have not begun.
 
     Args:
         function: Safe to call from several threads at once.

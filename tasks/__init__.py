@@ -20,7 +20,8 @@ The packages, each of which imports only those below it:
     command | machine     the command of this process; the machine it runs on
 
 A stage gathers its inputs, calls the library and writes the result. Importing this package loads
-no torch: heavy imports are inside `build`, which runs in its own process.
+no torch: heavy imports are inside `build`, which runs in its own process. Begin with `stages`, and
+with `command_line` for what happens before the first stage and after the last.
 """
 
 from pipeline.command import take_over_luigi

@@ -5,6 +5,9 @@ See `tasks/view/view_command.py` and `tasks/command_line.py`.
 
 import importlib
 import sys
+from difflib import get_close_matches
+
+import tasks
 
 HELP = """\
 styletrf turns photographs of a place and one painting into a fly-through in the painting's style.
@@ -35,9 +38,22 @@ def main() -> None:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(HELP)
         sys.exit(0 if arguments else 2)
+    if alike := _alike(arguments):
+        sys.exit(f"There is no {arguments[0]}. Did you mean {' or '.join(alike)}?")
     is_view = arguments[:1] == ["view"]
     module = "tasks.view.view_command" if is_view else "tasks.command_line"
     sys.exit(importlib.import_module(module).run(arguments[1:] if is_view else arguments))
+
+
+def _alike(arguments: list[str]) -> list[str]:
+    """Returns the commands with a name like the first word, if that is none of them.
+
+    Without any, Luigi reads the command, which may load tasks of the user by `--module`.
+    """
+    commands = ["view", "help", *tasks.__all__]
+    if arguments[0] in commands or any(word.startswith("--module") for word in arguments):
+        return []
+    return get_close_matches(arguments[0], commands)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from source_names import modules_imported, names_of, syntax_of
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
@@ -27,9 +28,8 @@ def test_every_file_that_the_page_of_the_architecture_names_exists():
 def test_every_name_in_an_answer_stands_in_a_file_of_that_answer(row: str):
     answer = row.split("|")[2]
     files = [ROOT / path for path in FILE.findall(answer) if path.endswith(".py")]
-    code = "".join(path.read_text(encoding="utf-8") for path in files)
-    names = re.findall(r"`(\w+)`", answer)
-    assert [name for name in names if not re.search(rf"\b{name}\b", code)] == []
+    names = set(re.findall(r"`(\w+)`", answer))
+    assert names - set().union(*map(names_of, files)) == set()
 
 
 @pytest.mark.parametrize("package", ["styletrf", "tasks"])
@@ -43,10 +43,38 @@ def test_the_layers_it_draws_are_those_that_are_checked(package: str):
     assert layers in [[re.split(" {2,}", line)[0] for line in b.splitlines()] for b in blocks]
 
 
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_sizes_it_states_are_those_of_the_source_within_a_twentieth(package: str):
+    (row,) = re.findall(rf"^\| `{package}/`: files, lines .*\| (.+), (.+) \|$", TEXT, re.MULTILINE)
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / package).rglob("*.py")]
+    counts = len(texts), sum(len(text.splitlines()) for text in texts)
+    assert [int(number.replace(",", "")) for number in row] == pytest.approx(counts, rel=0.05)
+
+
+def test_the_names_of_a_thing_are_as_many_as_it_states_and_in_the_source():
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    known = set(re.findall(r"\w+", " ".join(path.read_text(encoding="utf-8") for path in files)))
+    rows = re.findall(r"^\| .+ \| (\d): (.+) \| (\d): (.+) \|$", TEXT, re.MULTILINE)
+    assert len(rows) >= 6
+    for before, former, after, present in rows:
+        names = re.findall(r"`(\w+)`", present)
+        assert [former.count("`"), 2 * len(names)] == [2 * int(before), 2 * int(after)]
+        assert known.issuperset(names)
+
+
 def test_a_package_has_at_most_sixteen_files():
     modules = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     sizes = Counter(path.parent for path in modules if path.name != "__init__.py")
     assert {folder: size for folder, size in sizes.items() if size > 16} == {}
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_package_says_in_sentences_where_to_begin(name: str):
+    for file in (ROOT / name).rglob("__init__.py"):
+        text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+        assert len(re.findall(r"[.:](?=\s|$)", text)) >= 2, file
+        own = {path.stem for path in file.parent.iterdir()}
+        assert own & {each.split(".")[0] for each in re.findall(r"`([\w.]+)`", text)}, file
 
 
 def test_the_core_of_the_pipeline_can_be_read_in_an_hour():
@@ -68,9 +96,9 @@ def _contracts() -> list[dict]:
 
 def test_tests_import_nothing_of_other_tests():
     """Else they run twice, and what they share is hard to find."""
-    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
-    importing = re.compile(r"^\s*(?:from|import) test_", re.MULTILINE)
-    assert [path for path, text in texts.items() if importing.search(text)] == []
+    for path in (ROOT / "tests").rglob("*.py"):
+        modules = modules_imported(ast.walk(syntax_of(path)))
+        assert [m for m in modules if m.rpartition(".")[2].startswith("test_")] == [], path
 
 
 def test_programs_beside_the_tests_find_what_they_import():
@@ -95,10 +123,5 @@ def test_functions_of_tasks_import_only_what_is_slow_to_load():
 def _inner_imports(path: Path) -> Iterator[str]:
     """Yields the modules that the functions of a file import."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    inside = {node for f in ast.walk(tree) if isinstance(f, functions) for node in ast.walk(f)}
-    for node in inside:
-        if isinstance(node, ast.Import):
-            yield from (each.name for each in node.names)
-        if isinstance(node, ast.ImportFrom):
-            yield node.module or "."
+    outer = (f for f in ast.walk(syntax_of(path)) if isinstance(f, functions))
+    yield from modules_imported({node for f in outer for node in ast.walk(f)})

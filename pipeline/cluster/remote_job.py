@@ -21,7 +21,7 @@ NODE = "STYLETRF_NODE"
 
 @dataclass(frozen=True, slots=True)
 class RemoteJob:
-    """A task to build, and what its build needs.
+    """A task to build, and the cores, GPUs and memory that its build needs.
 
     Attributes:
         module: The module that defines the task's class.

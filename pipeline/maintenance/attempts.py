@@ -89,7 +89,7 @@ def find_blocking_failure(
 
 
 def _state(task: StoredTask, store: Store, since: datetime) -> tuple[bool, BlockingFailure | None]:
-    """Returns whether a task with complete inputs was made, and what prevents it."""
+    """Returns whether a task with complete inputs was made, and the failure that prevents it."""
     repairable: Errors = (StoreError, OSError, *task.user_errors)
     try:
         key = task.action().key

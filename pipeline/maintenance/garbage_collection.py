@@ -61,7 +61,7 @@ def collect(
         delete: Whether to delete. Otherwise the store may be read-only.
 
     Returns:
-        Everything that is deleted, each object that stays, and what other users own.
+        Everything that is deleted, each object that stays, and the paths that other users own.
 
     Raises:
         StoreError: A record cannot be read, so nobody can tell what it needs.
@@ -167,7 +167,8 @@ def size_bytes(path: Path) -> int:
 def _set_aside(store: Store, decisions: Sequence[GcDecision]) -> list[GcDecision]:
     """Moves the garbage to `trash/`; returns the decisions.
 
-    What other users own stays, and with a record what it needs. Records come first.
+    Paths that other users own stay; with a record, so do the artifacts that it needs. Records come
+    first.
     """
     made, foreign, needed = list(decisions), 0, set[Path]()
     for index, decision in enumerate(decisions):
@@ -189,7 +190,7 @@ def _set_aside(store: Store, decisions: Sequence[GcDecision]) -> list[GcDecision
 
 
 def _empty_trash(store: Store) -> None:
-    """Deletes what this collection, or one that was killed, has moved to `trash/`."""
+    """Deletes the files that this collection, or one that was killed, has moved to `trash/`."""
     for path in list((store.root / "trash").iterdir()):
         _delete(path)
         store.reached("deleted")

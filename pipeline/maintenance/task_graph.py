@@ -10,17 +10,17 @@ from pipeline.task import StoredTask
 def upstream_first(
     *roots: luigi.Task, is_left_out: Callable[[luigi.Task], bool] = lambda _: False
 ) -> Iterator[luigi.Task]:
-    """Yields tasks and everything that they need, each once, and after what it needs.
+    """Yields tasks and all their dependencies, each once, and after its own dependencies.
 
     Args:
         *roots: The tasks.
-        is_left_out: Whether to leave a task out, and what only that task needs. Each task is asked
-            about once, before what it needs.
+        is_left_out: Whether to leave out a task, and the tasks that only it needs. It is called
+            once for each task, before the tasks that this one needs.
     """
     seen: set[luigi.Task] = set()
 
     def visit(task: luigi.Task) -> Iterator[luigi.Task]:
-        """Yields what of the graph of one task did not come before."""
+        """Yields the tasks of the graph of one task that were not yielded before."""
         if task in seen:
             return
         seen.add(task)
@@ -41,7 +41,7 @@ def stored_tasks(
 
     Args:
         *roots: The tasks.
-        is_left_out: Whether to leave out a stored task, and what only that task needs.
+        is_left_out: Whether to leave out a stored task, and the tasks that only it needs.
     """
     graph = upstream_first(
         *roots, is_left_out=lambda task: isinstance(task, StoredTask) and is_left_out(task)

@@ -4,7 +4,7 @@ import shutil
 import tarfile
 from pathlib import Path, PurePosixPath
 
-from pipeline.digest import Tree, walk
+from pipeline.digest import Tree, entries_below
 
 
 def pack(root: Path, archive: Path) -> None:
@@ -13,7 +13,7 @@ def pack(root: Path, archive: Path) -> None:
     Its bytes depend only on sorted names and contents, not on times, owners and modes.
     """
     with tarfile.open(archive, "x", format=tarfile.PAX_FORMAT) as tar:
-        for path, status in walk(root):
+        for path, status in entries_below(root):
             member = tarfile.TarInfo(path.relative_to(root).as_posix())
             if path.is_dir():
                 member.type = tarfile.DIRTYPE

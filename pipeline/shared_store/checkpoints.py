@@ -5,8 +5,9 @@
 A machine uses a checkpoint only if its content has the digest in its name. With a signing key
 (`signatures.py`), the name must be signed, too. The machine that builds the key removes them.
 
-Clocks of machines may differ. So what continues from an archive is never older than it: a local
-folder keeps the time of the archive that it was downloaded from, or uploaded to, last.
+Clocks of machines may differ. A checkpoint that continues from an archive is never older than the
+archive: a local folder keeps the time of the archive that it was last downloaded from or uploaded
+to.
 """
 
 import contextlib

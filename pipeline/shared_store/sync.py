@@ -42,7 +42,7 @@ class SharedArtifacts(Artifacts):
     def lookup(self, key: str) -> ActionRecord | None:
         """Returns the record of the key, which the store copies from the shared one if needed.
 
-        The object may be lost in both: its digest suffices for what was made from it.
+        The object may be lost in both: artifacts that were made from it need only its digest.
         """
         if record := self.store.lease_record(key):
             return record

@@ -32,7 +32,7 @@ class Photograph:
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """A scene's photographs in natural order, and what is odd about them."""
+    """A scene's photographs in natural order, and the warnings about them."""
 
     photographs: tuple[Photograph, ...]
     warnings: tuple[str, ...]

@@ -32,7 +32,7 @@ def capture_warnings(
     Args:
         folder: Contains the photographs.
         problems: The photographs that cannot be used, each with the reason.
-        repeated: Files that show what another one shows.
+        repeated: Files that show the same picture as another one.
         masks: Those found for the photographs.
         panoramas: How many of how many photographs are panoramas.
         given: The poses that came with the photographs.

@@ -15,10 +15,10 @@ from styletrf.files.heif_images import heif_pixels
 from styletrf.files.unusual_images import gray_with_alpha, is_gray_with_alpha
 from styletrf.geometry.exif_orientation import orientation_in_exif, turned_upright
 
-# What libjpeg says of damaged data. It also warns of harmless things: padding before the last
-# marker, the scan parameters that some phones write.
+# The messages of libjpeg about damaged data. It also warns of harmless things: padding before the
+# last marker, the scan parameters that some phones write.
 _JPEG_DAMAGE = re.compile(r"premature end|bad Huffman|extraneous bytes before marker 0xd[0-7]")
-# What decoders say of any photograph, harmless or not; other lines are those of other threads.
+# The messages of decoders, harmless or not; all other lines come from other threads.
 _OF_DECODERS = re.compile(
     rb"Corrupt JPEG|Premature end of JPEG|Invalid SOS|Inconsistent progression|Unknown Adobe color"
     rb"|Warning: unknown JFIF|Application transferred|libpng |TIFF\w+:"
@@ -86,8 +86,8 @@ def _as_bgr(rgb: np.ndarray | None) -> np.ndarray | None:
 def _captured_stderr() -> Iterator[list[str]]:
     """Collects the lines that C libraries write to standard error, once the block is left.
 
-    libjpeg replaces missing data by gray and reports it only on standard error. What other threads
-    write there meanwhile follows later.
+    libjpeg replaces missing data by gray and reports it only on standard error. The lines that
+    other threads write there meanwhile follow later.
     """
     complaints: list[str] = []
     with _STANDARD_ERROR, tempfile.TemporaryFile() as log:

@@ -1,7 +1,7 @@
 """Masks of photographs: which of their pixels count, for example where people walk through.
 
 A mask is a PNG as large as its upright photograph, black where the photograph does not count.
-Its transparent parts are black, too: white paint on a layer that is empty is what counts.
+Its transparent parts are black, too: on an empty layer, only pixels painted white count.
 """
 
 from pathlib import Path

@@ -45,7 +45,7 @@ def photograph_names(stored: Sequence[str]) -> list[str]:
     """Returns the names of photographs: those of their files, without suffixes if none clash then.
 
     Args:
-        stored: What `stored_files` returned.
+        stored: The result of `stored_files`.
     """
     stems = [Path(file).stem for file in stored]
     return list(stored) if _clash(stems) else stems

@@ -77,7 +77,7 @@ def list_photographs(folder: Path) -> list[Path]:
 
 
 def photographs_below(folder: Path) -> list[Path]:
-    """Returns what `list_photographs` does, of however few photographs.
+    """Returns the photographs as `list_photographs` does, however few there are.
 
     Raises:
         InputError: As `files_below`.

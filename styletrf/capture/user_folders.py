@@ -64,7 +64,7 @@ def find_scene(data_root: Path, name: str) -> Path:
     if any((own / f"transforms{part}.json").exists() for part in ("", "_train")):
         return own  # photographs lie where the transforms say
     if photographs_below(folder):
-        return folder  # what lists them says that they are too few
+        return folder  # `list_photographs` says that they are too few
     if images.is_dir():
         return images
     if own.is_dir() and any(own.iterdir()):
@@ -134,13 +134,13 @@ def _no_such_scene(data_root: Path, name: str) -> InputError:
 
 
 def scene_folder(photographs: Path) -> Path:
-    """Returns the folder of a scene from what `find_scene` found: where poses may lie."""
+    """Returns the folder of a scene, where poses may lie, from the result of `find_scene`."""
     is_inside = photographs.name == "images" or not photographs.is_dir()
     return photographs.parent if is_inside else photographs
 
 
 def scene_videos(found: Path) -> list[Path]:
-    """Returns the videos of what `find_scene` found, in natural order; none of photographs.
+    """Returns the videos of a scene in natural order; none if `find_scene` found photographs.
 
     Raises:
         InputError: As `files_below`.
@@ -241,8 +241,8 @@ def find_content(data_root: Path, name: str) -> Path | None:
 
     Args:
         data_root: The folder of `content/`.
-        name: `embedded`; `auto`, for the one folder with images, zip or annotations file that is
-            there, or else `embedded`; or what is there by its name, or anywhere by its path.
+        name: `embedded`; `auto`, for the only folder with images, zip or annotations file there,
+            or else `embedded`; the name of one of these; or the path of one that lies elsewhere.
 
     Raises:
         InputError: `auto` finds several.

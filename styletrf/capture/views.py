@@ -55,8 +55,8 @@ def held_out_names(
 
     The latter also decides if no view has a camera that the split holds out.
 
-    Views of one panorama count as one, and are held out together: each shares its place, and what
-    its margins show, with the others.
+    Views of one panorama count as one, and are held out together: they have one center, and the
+    margins of each show parts of the others.
 
     Args:
         cameras: The cameras of all views.

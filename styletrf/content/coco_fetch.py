@@ -1,6 +1,6 @@
 """Content photographs fetched one by one, from the addresses in a COCO annotations file.
 
-What was fetched stays in a folder of the user's, so that an interrupted fetch goes on where it was.
+Fetched files stay in a folder of the user's, so that an interrupted fetch continues where it ended.
 """
 
 import json
@@ -75,7 +75,7 @@ def coco_source(
 
 
 def _web_address(text: str) -> str:
-    """Returns an address in ASCII: what may not be in one is escaped.
+    """Returns an address in ASCII, with the characters escaped that an address must not contain.
 
     Raises:
         ValueError: It is no address of the web.

@@ -27,7 +27,7 @@ CONTENT_SUFFIXES = HEIF_SUFFIXES | frozenset(
         *(".tif", ".tiff", ".webp"),
     ]
 )
-"""What counts as an image by its name, in lower case: the same as of photographs."""
+"""The suffixes of images, in lower case: the same as those of photographs."""
 
 _HEIF_START = b"ftyp"  # after four bytes
 _PROCEDURAL_SHAPE = (320, 400)  # height, width
@@ -46,7 +46,7 @@ class ContentSource:
 def decoded_image(encoded: bytes) -> UInt8[np.ndarray, "height width 3"] | None:
     """Returns the pixels of a file, BGR; None if it is no image, or one that OpenCV refuses.
 
-    OpenCV refuses images of more than 2^30 pixels, or what `OPENCV_IO_MAX_IMAGE_PIXELS` says.
+    OpenCV refuses images of more than 2^30 pixels, or of more than `OPENCV_IO_MAX_IMAGE_PIXELS`.
     """
     if encoded[4:8] == _HEIF_START:
         rgb = heif_pixels(encoded)

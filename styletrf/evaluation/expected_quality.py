@@ -6,10 +6,10 @@ by a constant ratio r:
     psnr(2^k n) = psnr(n) + r (1 + r + ... + r^(k-1)) (psnr(n) - psnr(n/2)).
 
 Learning curves are commonly taken to be power laws (Hestness et al. 2017), whose gains by doublings
-fall so. On horns, fern and lego at `draft`, whole fits of twice the iterations gained 0.40 to 0.84
-of what the doubling before had (`benchmarks/history.md`, "Time against accuracy", before fields had
-averaged parameters); r lies between. The error of predictions is still to be measured, by
-`benchmarks/expected_quality.py`.
+fall so. On horns, fern and lego at `draft`, the gain of whole fits of twice the iterations was 0.40
+to 0.84 of the gain of the doubling before (`benchmarks/history.md`, "Time against accuracy", before
+fields had averaged parameters); r lies between. The error of predictions is still to be measured,
+by `benchmarks/expected_quality.py`.
 """
 
 import math

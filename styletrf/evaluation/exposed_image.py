@@ -2,7 +2,7 @@
 
 A field has one exposure; a photograph held out has its own, of which nothing in the fit knows. The
 exposure that is best for a render is found from the photograph itself (`styletrf.scene.exposures`
-has the equation), two numbers a channel, so that what is left is not the camera's doing.
+has the equation), two numbers a channel, so that the camera causes none of the remaining error.
 """
 
 import numpy as np

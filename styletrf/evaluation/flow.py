@@ -12,7 +12,7 @@ from styletrf.errors import InputError
 from styletrf.evaluation.raft_flow import raft_estimator
 from styletrf.geometry.image_sampling import sample_at
 
-_SMALLEST_SIDE = 12  # below, DIS has no room for its patches
+_SMALLEST_SIDE = 16  # below, DIS has no room for its patches, and crashes on wide frames
 
 Image = Float[np.ndarray, "height width 3"]
 Flow = Float[np.ndarray, "height width 2"]
@@ -52,7 +52,7 @@ class FlowEstimator:
             b: The frame that it leads to.
 
         Raises:
-            InputError: The frames are smaller than 12 pixels.
+            InputError: The frames are smaller than 16 pixels.
         """
         if min(a.shape[:2]) < _SMALLEST_SIDE:
             raise InputError(
@@ -97,7 +97,7 @@ def warp_to_a(
     """
     height, width = b_image.shape[:2]
     rows, columns = np.indices((height, width), dtype=np.float32)
-    # beyond the border all is alike; OpenCV's integers overflow on what is far beyond
+    # beyond the border all is alike; OpenCV's integers overflow on places far beyond it
     x = np.clip(columns + flow_a_to_b[..., 0], -1, width)
     y = np.clip(rows + flow_a_to_b[..., 1], -1, height)
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)

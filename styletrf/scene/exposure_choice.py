@@ -6,7 +6,7 @@ way. So with d the change of a log color in a view,
 
     spread^2 = mean of d_first d_second        over views, channels and levels of brightness
 
-is free of what the halves do not agree on, which half the mean of (d_first - d_second)^2 measures.
+is free of their disagreement, which half the mean of (d_first - d_second)^2 measures.
 The halves are the fields of a chessboard of blocks, or lie on either side of the middle along one
 of the three principal axes: sheen on a table is in both halves of some of these, but not of all,
 and those that agree least count.
@@ -39,7 +39,7 @@ _LEVELS = 0.1, 0.5, 0.9  # quantiles of the brightness at which changes are comp
 
 @dataclass(frozen=True, slots=True)
 class ExposureEvidence:
-    """The spread of log colors that the halves agree on, and that of what they do not agree on.
+    """The spread of log colors that the halves agree on, and the spread of their disagreement.
 
     `exposures` are those estimated from all points together, by the photograph's name.
     `several_cameras` says whether the photographs have different sizes.

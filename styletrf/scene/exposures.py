@@ -6,7 +6,7 @@ A photograph shows a color c of the scene as
 
 channel by channel: a straight line in the logarithms, log_gain its value at a middle gray. Exposure
 and white balance are gains, tone curves are powers. The lines of all views and the log colors of
-all points are fitted together to what the views observe of the points, by least absolute residuals:
+all points are fitted together to the observed log colors, by least absolute residuals:
 observations that highlights or occlusion spoil do not shift them. A change common to all views
 could be one of the points as well, so the median of the views is the identity.
 """

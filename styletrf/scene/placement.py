@@ -46,7 +46,10 @@ def transformed(
 
 
 def unit_square_to(axis: Vector, vector: Vector) -> Vector:
-    """Returns the direction of what `vector` has square to the unit `axis`, any if it has none."""
+    """Returns the direction of the part of `vector` that is perpendicular to the unit `axis`.
+
+    If that part is almost zero, any perpendicular direction.
+    """
     part = vector - (vector @ axis) * axis
     if np.linalg.norm(part) < 1e-3:
         part = np.cross(axis, np.eye(3)[np.abs(axis).argmax() - 1])

@@ -76,7 +76,7 @@ class SceneModel:
     shading: Shading
     image_width: int
     image_height: int
-    focus: tuple[float, float, float]  # what a trajectory looks at, normalized world
+    focus: tuple[float, float, float]  # the point that a trajectory looks at, normalized world
     looking: Looking  # how the photographers did; outward is away from the focus
     evidence: dict[str, Any]
     exposures: dict[str, Exposure] = field(default_factory=dict)  # by photograph; none: all alike
@@ -89,7 +89,7 @@ class SceneModel:
         ]
 
 
-BOX_EXPLAINS = 0.9  # of the photographs' pixels: below, much of what they show is outside
+BOX_EXPLAINS = 0.9  # of the photographs' pixels: below, too many show the outside of the box
 FINE_ENOUGH = 0.5  # octaves lost, below which a box is as good as any space
 MOST_LOSS = 0.25  # octaves by which unbounded space may lose more than a box: nothing is outside
 LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all

@@ -1,4 +1,4 @@
-"""Adds up over points the products of what each two views observe of a point.
+"""Adds up, over points, the products of the observations of a point in each pair of views.
 
 Of many views, most points are seen by few: then pairs of observations are listed. Points that many
 views see are multiplied as dense rows.

@@ -78,7 +78,7 @@ class AdaptationConfig:
 
 @dataclass(frozen=True, slots=True)
 class AdaptationCurvePoint:
-    """One row of the adaptation curve."""
+    """One row of the adaptation curve: without the size of the grid, which is fixed here."""
 
     iteration: int
     seconds: float
@@ -113,7 +113,7 @@ def adapt_appearance(
         The curve, and the mean mass of weights that the cache left out.
 
     Raises:
-        NotFiniteError: Something stopped being finite; it names what did first.
+        NotFiniteError: A tensor stopped being finite; the error names the first one.
     """
     started = time.monotonic()
     generator = torch.Generator().manual_seed(config.seed)
@@ -151,7 +151,7 @@ def fit_appearance(
         started: The time from which the seconds of the curve count; by default now.
 
     Raises:
-        NotFiniteError: Something stopped being finite; it names what did first.
+        NotFiniteError: A tensor stopped being finite; the error names the first one.
     """
     started = time.monotonic() if started is None else started
     if not config.sees_view:

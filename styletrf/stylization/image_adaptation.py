@@ -110,7 +110,7 @@ def adapt_to_image_loss(
         The curve.
 
     Raises:
-        NotFiniteError: Something stopped being finite; it names what did first, and the view.
+        NotFiniteError: A tensor stopped being finite; the error names the first one and its view.
     """
     unstylized, painted = views
     rays = ViewRays(cameras, space.within(field.bounds), field.step_length, unstylized.device)

@@ -9,7 +9,7 @@ Within a region the fractions are those given, outside it all is the first appea
 
 Where they differ in the power of their weights (`styletrf.field.weight_sharpening`), a sample has
 the mean of the powers by its fractions. So a single appearance and the outside of a region are
-rendered exactly, and what lies between is as crisp as its parts.
+rendered exactly, and a mixture is as crisp as its parts.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from styletrf.stylization.region import Region
 
 
 class MixedAppearance(ColorModel):
-    """Appearances by their fractions; the first is what remains outside of the region."""
+    """Appearances mixed by their fractions; outside of the region, the first one alone."""
 
     def __init__(
         self,

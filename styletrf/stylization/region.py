@@ -47,7 +47,7 @@ class Box(Region):
 
 @dataclass(frozen=True, slots=True)
 class Masked(Region):
-    """The surfaces that a view shows within its mask, and not what hides behind them.
+    """The surfaces that a view shows within its mask, without those hidden behind them.
 
     Attributes:
         camera: The camera of the view.

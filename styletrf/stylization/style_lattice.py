@@ -20,7 +20,7 @@ _STRIDE_PX = 8  # of the pixels that are looked at, in both directions
 
 @dataclass(frozen=True, slots=True)
 class StyleLatticeConfig:
-    """The lattice points for each pixel of the priors, and what the lattice may grow to.
+    """The lattice points for each pixel of the priors, and the largest size of the lattice.
 
     Attributes:
         points_per_px: The lattice points per pixel along a line of a prior, at the depth that it

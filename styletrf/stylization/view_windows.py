@@ -117,7 +117,7 @@ def as_picture(colors: Float[Tensor, "height width 3"]) -> Float[Tensor, "1 3 he
 def _in_place_of_background(
     cache: RayCache, background: EmptyBackground | None
 ) -> Float[Tensor, "rays 3"]:
-    """Returns what takes rays from the background of the views to the mean color: 0 without one."""
+    """Returns the change of each ray's color if the background had its mean color; 0 without."""
     behind = (1 - cache.opacity)[:, None]
     if background is None:
         return torch.zeros_like(cache.target)

@@ -18,7 +18,7 @@ class Ring:
     """The positions of photographs around the vertical through the focus.
 
     `low` and `high` are distance from the vertical and height, medians of either half of the
-    photographs by height. What is not `closed` is an arc from `start` of `extent` radians.
+    photographs by height. A ring that is not `closed` is an arc from `start` of `extent` radians.
     """
 
     focus: Float[np.ndarray, " 3"]

@@ -1,7 +1,7 @@
 """Stills: the photographs' own views one after another, where no fly-through is possible.
 
 A fly-through needs depth, which photographs from one spot or of a flat wall do not show, and
-photographs that support what it sees.
+photographs of the surfaces that it sees.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Bounds the viewer's camera: it stays near cameras that saw the scene, and looks as they did.
 
-Beyond them a field shows what no photograph ever checked.
+Beyond them a field shows surfaces that no photograph constrained.
 """
 
 from collections.abc import Sequence

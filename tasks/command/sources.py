@@ -1,9 +1,9 @@
 """The sources of a command: stages that need no other one, and read or fetch what the user names.
 
-A command ends before its first stage where a source names what is not there. Most sources take
-seconds, so all run first; where one fails, the command stops, since the results of hours would lack
-it. With `--keep-going` the command makes all stages that do not need it. Under luigid it does so,
-too: another machine may read a source that this one cannot.
+A command ends before its first stage where a source names what is not there. Sources run first, one
+file before a folder or a video; where one fails, nothing after it begins, since the results of
+hours would lack it. With `--keep-going` the command makes all stages that do not need it. Under
+luigid it does so, too: another machine may read a source that this one cannot.
 """
 
 import functools
@@ -21,12 +21,27 @@ from styletrf.errors import InputError
 from tasks.command.outcomes import outcome_of_missing
 
 SOURCE_PRIORITY = 10**9
-"""Added to the priority of a source: more than the seconds of any command."""
+"""What one rank adds to a priority, in seconds: more than any command takes."""
+
+_RANKS = {
+    "StyleImage": 6,
+    "StyleNetwork": 5,  # one that the user gives
+    "TransferWeights": 4,
+    "PerceptualWeights": 3,
+    "SceneCapture": 2,
+    "ContentImages": 1,
+}
+"""Of sources. Earlier builds do not decide them: a first command has none."""
 
 
 def is_source(stage: luigi.Task) -> bool:
     """Returns whether the stage needs no other one."""
     return not luigi.task.flatten(stage.requires())  # type: ignore[no-untyped-call]
+
+
+def source_rank(stage: luigi.Task) -> int:
+    """Returns the rank of a source, which is larger the sooner it runs; 0 for other stages."""
+    return _RANKS.get(stage.task_family, 1) if is_source(stage) else 0
 
 
 @functools.cache
@@ -50,7 +65,7 @@ def unreadable_sources(root: luigi.Task) -> Iterator[str]:
 
 
 def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
-    """Stops a stage of a command of which a source failed.
+    """Stops a stage of a command of which a source before it failed.
 
     Args:
         stage: The stage that is about to run.
@@ -58,12 +73,13 @@ def require_sources(stage: StoredTask, root: luigi.Task | None) -> None:
             outside a command.
 
     Raises:
-        TaskFailure: A source failed since the command began, and `--keep-going` was not given.
+        TaskFailure: A source of a higher rank failed since the command began, and `--keep-going`
+            was not given.
     """
-    if root is None or not may_stop(root) or is_source(stage):
+    if root is None or not may_stop(root):
         return
-    begun = begin_of_command()
-    for source in sources_of(root):
+    begun, rank = begin_of_command(), source_rank(stage)
+    for source in (each for each in sources_of(root) if source_rank(each) > rank):
         found = outcome_of_missing(source, since=begun)
         if found.outcome == "failed":
             reason = f"skipped because {found.stage} failed. Add --keep-going to build it anyway."

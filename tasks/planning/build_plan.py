@@ -7,6 +7,7 @@ import heapq
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from pipeline.canonical import Json
@@ -59,6 +60,12 @@ class BuildPlan:
         cpu_s = sum(stage.cost.cpu_seconds for stage in self.stages if stage.cost)
         return max(makespan(self._durations(), workers), cpu_s / cores)
 
+    def peak_memory_bytes(self, workers: int) -> int:
+        """Returns a bound on the memory of the builds of this number of workers together."""
+        sizes = {s.task.task_id: s.cost.peak_memory_bytes for s in self.stages if s.cost}
+        upstream = {name: waits_for for name, (_, waits_for) in self._durations().items()}
+        return most_at_once(sizes, upstream, workers)
+
     def _durations(self) -> dict[str, tuple[float, list[str]]]:
         """Returns the seconds of each stage to build, and the stages that it waits for."""
         costs = {stage.task.task_id: stage.cost for stage in self.stages if stage.cost}
@@ -87,6 +94,32 @@ def makespan(durations: Durations, workers: int) -> float:
         now, name = heapq.heappop(running)
         ended.add(name)
     return now
+
+
+def most_at_once(
+    sizes: Mapping[str, int], upstream: Mapping[str, Sequence[str]], workers: int
+) -> int:
+    """Returns a bound on the sum of the sizes of tasks that can run at once.
+
+    It is exact for two workers. For more it is the largest sum of a task and of the largest others
+    that are no larger and independent of it, whether or not they depend on each other.
+
+    Args:
+        sizes: The size of each task.
+        upstream: The tasks that each waits for, which come before it.
+        workers: How many tasks run at once.
+    """
+    ahead = dict[str, set[str]]()
+    for name, waits_for in upstream.items():
+        ahead[name] = set(waits_for).union(*(ahead[each] for each in waits_for))
+    ordered, most = sorted(sizes, key=sizes.__getitem__, reverse=True), 0
+    for place, largest in enumerate(ordered):
+        if workers * sizes[largest] <= most:
+            break
+        others = ordered[place + 1 :]
+        free = (n for n in others if n not in ahead[largest] and largest not in ahead[n])
+        most = max(most, sizes[largest] + sum(sizes[n] for n in islice(free, workers - 1)))
+    return most
 
 
 def plan_of(root: Any) -> BuildPlan:

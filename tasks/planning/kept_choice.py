@@ -47,7 +47,7 @@ def known_choice(task: Any, request: QualityRequest, front: Front) -> Choice | N
 def keep_choice(task: Any, front: Front, choice: Choice) -> None:
     """Keeps the choice for the task from this front."""
     if builds_alone():
-        point, quality = choice.point, choice.front.quality
+        point, quality = choice.point, choice.front.quality_of(choice.point)
         chosen = {"tuning": point.tuning, "stylizer": point.stylizer, "seconds": point.seconds}
         add_fact(_CHOICES, _key(task, front), {**chosen, "quality": quality})
 
@@ -59,7 +59,7 @@ def _kept(task: Any, front: Front) -> Choice | None:
     quality = kept.get("quality", front.quality)  # earlier versions chose from the front alone
     for offer in front.offers():
         for point in offer.points:
-            if offer.quality == quality and _same(point, kept):
+            if offer.quality_of(point) == quality and _same(point, kept):
                 return Choice(offer, replace(point, seconds=kept["seconds"]))
     return None
 
@@ -74,7 +74,7 @@ def _key(task: Any, front: Front) -> str:
 def _without_newer_fields(point: Combination) -> dict[str, Any]:
     """Returns the fields of a point; those that earlier versions lack only if they are given."""
     fields = asdict(point)
-    newer = [name for name in ("consistency_ratio", "stylizer") if not fields[name]]
+    newer = [name for name in ("consistency_ratio", "stylizer", "quality") if not fields[name]]
     return {name: value for name, value in fields.items() if name not in newer}
 
 

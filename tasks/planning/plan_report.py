@@ -52,7 +52,8 @@ def totals(plan: BuildPlan) -> dict[str, Any]:
         "workers": workers,
         "seconds": plan.seconds(workers, cores),
         "seconds_one_worker": plan.seconds(1, cores),
-        "peak_memory_bytes": max((cost.peak_memory_bytes for cost in costs), default=0),
+        "peak_memory_bytes": plan.peak_memory_bytes(workers),
+        "peak_memory_bytes_one_worker": plan.peak_memory_bytes(1),
         "output_bytes": sum(cost.output_bytes for cost in costs),
     }
 
@@ -83,7 +84,8 @@ def _total_line(plan: BuildPlan) -> str:
     if not total["to_make"]:
         return counts
     time = f"{duration(total['seconds'])} with --workers {total['workers']}"
+    memory = f"at most {total['peak_memory_bytes_one_worker'] / 2**20:.0f} MiB a stage"
     if total["workers"] > 1:
         time += f" ({duration(total['seconds_one_worker'])} with one)"
-    memory = f"at most {total['peak_memory_bytes'] / 2**20:.0f} MiB a stage"
+        memory += f" and {total['peak_memory_bytes'] / 2**20:.0f} MiB at once"
     return f"{counts}: {time}, {memory}, {total['output_bytes'] / 1e6:.1f} MB on disk"

@@ -99,7 +99,8 @@ def timing_of(task: Any) -> Timing:
 
     def seconds(front: Front, point: Combination) -> float:
         """Returns the seconds of a point, found once."""
-        name = front.description, json.dumps([point.tuning, point.stylizer], sort_keys=True)
+        settings = [front.quality_of(point), point.tuning, point.stylizer]
+        name = front.description, json.dumps(settings, sort_keys=True)
         if name in known:
             return known[name]
         model = models.get(front.description) or cost_model(task, front)
@@ -126,7 +127,7 @@ def _measured(front: Front, point: Combination, stage: StoredTask) -> MeasuredSe
 
     The options of the command, such as the length of the path, are not those of the point.
     """
-    quality, point = front.scaled_from or (front.quality, point)
+    quality, point = front.scaled_from or (front.quality_of(point), point)
     seconds = point.stage_seconds.get(stage.task_family)
     if not front.calibration or seconds is None:
         return None

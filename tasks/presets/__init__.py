@@ -1,4 +1,5 @@
 """The settings of stages: presets by name, and choices from a front of time and quality.
 
-Begin with `presets`, the table of draft, standard and paper.
+Enters: `--quality` or `--budget`, and measured fronts. Leaves: the values of the settings of each
+stage. Begin with `presets`, the table of draft, standard and paper.
 """

@@ -35,7 +35,7 @@ class Front:
 
     Attributes:
         description: Which front it is, and where it was measured.
-        quality: The preset around which was swept.
+        quality: The preset around which was swept; a point may name another one.
         points: Its points, with the seconds of the machine that measured them.
         calibration: The calibration of that machine; None where a front does not have it.
         photographs: The number and the size of the photographs of its scene; empty where the front
@@ -69,9 +69,13 @@ class Front:
             quality=DEFAULT_QUALITY,
             points=(UNMEASURED,),
             longer=_LONGER,
-            scaled_from=(self.quality, best),
+            scaled_from=(self.quality_of(best), best),
         )
         return [default_quality, self]
+
+    def quality_of(self, point: Combination) -> str:
+        """Returns the preset that the settings of a point change."""
+        return point.quality or self.quality
 
     def without_stylizers(self) -> "Front":
         """Returns the front without its points that have another stylizer than the default."""
@@ -92,7 +96,7 @@ class Choice:
     @property
     def description(self) -> str:
         """Returns the chosen settings, and what they were chosen from, in one line."""
-        words = [f"--quality {self.front.quality}"]
+        words = [f"--quality {self.front.quality_of(self.point)}"]
         words += [f"--stylizer {self.point.stylizer}"] if self.point.stylizer else []
         words += [f"--tuning '{json.dumps(self.point.tuning)}'"] if self.point.tuning else []
         expected = [f"about {self.point.seconds:.0f} s on this machine"]

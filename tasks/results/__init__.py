@@ -1,4 +1,5 @@
 """The tasks that users request: a stylized trajectory, a grid, a scene report, a trade-off.
 
-Begin with `trajectory`.
+Enters: a scene, styles and options from the command line. Leaves: artifacts in the store with
+links in `out/`: a report with videos, a viewer, exports. Begin with `trajectory`.
 """

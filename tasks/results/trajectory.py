@@ -173,7 +173,7 @@ class StylizedTrajectory(LinkedStage, FrameParameters):
     def at_point(self, front: Front, point: Combination) -> "StylizedTrajectory":
         """Returns the same fly-through with the settings and the stylizer of a point of a front."""
         others = {"stylizer": point.stylizer} if point.stylizer else {}
-        return self.with_settings(front.quality, point.tuning, **others)
+        return self.with_settings(front.quality_of(point), point.tuning, **others)
 
     def complete(self) -> bool:
         """Returns whether the result, with a bound the chosen one, is in the store and `out/`."""

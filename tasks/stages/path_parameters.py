@@ -1,7 +1,7 @@
 """The path parameters: camera path, length, frame rate and frame size; see `docs/paths.md`.
 
 They are arguments of the main command and of all stages that depend on the path: the frames, their
-metrics, and the priors, which cover what the path sees.
+metrics, and the priors, which cover the surfaces that the path sees.
 """
 
 import functools

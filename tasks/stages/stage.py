@@ -6,7 +6,7 @@ from typing import Any, ClassVar, TypeVar
 
 import luigi
 from luigi.cmdline_parser import CmdlineParser
-from luigi.freezing import recursively_unfreeze
+from luigi.freezing import recursively_freeze, recursively_unfreeze
 from luigi.parameter import ParameterException
 
 from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
@@ -14,7 +14,8 @@ from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError, NetworkError
 from styletrf.steps.step_run import StepRun
 from tasks.command.build_order import seconds_to_the_end
-from tasks.command.sources import SOURCE_PRIORITY, is_source, require_sources
+from tasks.command.sources import SOURCE_PRIORITY, require_sources, source_rank
+from tasks.presets.former_names import require_one_name, with_present_names
 from tasks.presets.presets import PRESETS, settings_for
 
 Upstream = TypeVar("Upstream", bound="Stage")
@@ -66,12 +67,12 @@ class Stage(StoredTask):
 
     @property
     def priority(self) -> int:  # type: ignore[override]
-        """Sources come first, then stages with the most seconds left on the way to the end."""
+        """Sources come first by rank; then stages with the most seconds left to the end."""
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         if command is None:
             return 0
         seconds = round(seconds_to_the_end(command.get_task_obj()).get(self.task_id, 0.0))
-        return seconds + SOURCE_PRIORITY * is_source(self)
+        return seconds + SOURCE_PRIORITY * source_rank(self)
 
     def validate(self) -> None:
         """Rejects invalid combinations of parameters, before anything long begins.
@@ -83,7 +84,7 @@ class Stage(StoredTask):
             raise InputError(f"--shards {self.shards}", "is below 1", "Give 1 or more")
 
     def run(self) -> "Generator[StoredTask, None, None] | None":
-        """Builds the artifact, unless a source of the command failed."""
+        """Builds the artifact, unless a source of the command failed before it."""
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         require_sources(self, command.get_task_obj() if command else None)
         return super().run()
@@ -136,6 +137,29 @@ class PresetStage(Stage):
         description="settings of stages that replace the quality's, such as"
         ' {"RadianceField": {"iterations": 500}}',
     )
+
+    @classmethod
+    def get_param_values(cls, params: Any, args: Any, kwargs: Any) -> list[tuple[str, Any]]:
+        """Returns the parameters as Luigi does, with settings by their present names."""
+        found = dict(super().get_param_values(params, args, kwargs))  # type: ignore[no-untyped-call]
+        if tuning := found["tuning"]:
+            tuning = {stage: with_present_names(stage, given) for stage, given in tuning.items()}
+            found["tuning"] = recursively_freeze(tuning)  # type: ignore[no-untyped-call]
+        if own := found.get("settings"):
+            own = with_present_names(cls.get_task_family(), own)  # type: ignore[no-untyped-call]
+            found["settings"] = recursively_freeze(own)  # type: ignore[no-untyped-call]
+        return list(found.items())
+
+    def validate(self) -> None:
+        """Rejects a setting that is given by its former and its present name.
+
+        Raises:
+            InputError: It is, or another combination of parameters is invalid.
+        """
+        super().validate()
+        for stage, settings in self.tuning.items():
+            require_one_name(stage, settings)
+        require_one_name(self.task_family, getattr(self, "settings", {}))
 
     def identity_parameters(self) -> Mapping[str, object]:
         """Returns no parameters: the inputs decide the artifact."""

@@ -7,6 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from luigi.task_register import Register
+
 from pipeline.record import ActionRecord
 from styletrf.files.tables import read_rows, read_summary
 from styletrf.reports.coverage_text import registration_summary, support_summary
@@ -50,7 +52,7 @@ def report_content(
         poster: The frame shown while nothing plays.
         lineage: The records of everything upstream.
     """
-    tuning = _tuning(parameters["quality"], lineage)
+    tuning = tuning_of(parameters, lineage)
     return ReportContent(
         scene=parameters["scene"],
         style=parameters["style"],
@@ -98,16 +100,33 @@ _OF_FRAMES = ("style", "method", "network", "strength", "blend", "region")
 """Parameters of a trajectory that a viewer lacks: its page itself mixes paintings."""
 
 
-def _tuning(quality: str, lineage: Sequence[ActionRecord]) -> dict[str, dict[str, Any]]:
-    """Returns the settings that the user changed, by stage."""
+def tuning_of(
+    parameters: Mapping[str, Any], lineage: Sequence[ActionRecord]
+) -> dict[str, dict[str, Any]]:
+    """Returns the settings that the user changed, by stage.
+
+    Args:
+        parameters: The other parameters of the command.
+        lineage: The records of everything upstream.
+    """
     tuning = {}
     for record in lineage:
-        usual = settings_for(record.action.family, quality)
+        usual = _usual_settings(record.action.family, parameters)
         settings = _parameters(record).get("settings", {})
         changed = {name: value for name, value in settings.items() if usual.get(name) != value}
         if changed:
             tuning[record.action.family] = changed
     return tuning
+
+
+def _usual_settings(family: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the settings of the quality, and those that other parameters of a command imply."""
+    kind = Register.get_task_cls(family)  # type: ignore[no-untyped-call]
+    names = {name for name, _ in kind.get_params()}
+    given = {**parameters, "settings": {}, "tuning": {}}
+    stage = kind(**{name: value for name, value in given.items() if name in names})
+    implied: dict[str, Any] = getattr(stage, "values", dict)()
+    return settings_for(family, parameters["quality"]) | implied
 
 
 def _named(lineage: Sequence[ActionRecord]) -> dict[str, ActionRecord]:

@@ -72,7 +72,7 @@ class LiveViewer:
         """Saves a path and returns its file, and the command that renders it.
 
         Args:
-            request: The `path` as in docs/paths.md, its `seconds`, and what is shown: the looks
+            request: The `path` as in docs/paths.md, its `seconds`, and the shown mixture: the looks
                 `a` and `b` by number, and the `share` of the first.
 
         Raises:

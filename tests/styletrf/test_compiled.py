@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from compiled_sources import functions_in, sources_outside
 
 from styletrf.compiled import KEPT_FOLDERS, compiled, folder_of_code
 
@@ -114,34 +115,31 @@ def test_only_this_module_keeps_compiled_code():
         assert not cached or path.name == "compiled.py", path
 
 
-def _compiled_functions(tree: ast.Module) -> list[ast.FunctionDef]:
-    marks = ("compiled(", "kernel")
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    return [f for f in functions if any(ast.unparse(d).startswith(marks) for d in f.decorator_list)]
+def test_files_of_a_functions_folder_are_all_that_is_compiled_into_it():
+    """The name of the folder of compiled code covers those files, and no others."""
+    files = [each for each in (ROOT / "styletrf").rglob("*.py") if functions_in(ROOT, each)]
+    assert "lighting.py" in {file.name for file in files}, "its decorator is that of another file"
+    assert {file: found for file in files if (found := sources_outside(ROOT, file))} == {}
 
 
 @pytest.mark.parametrize(
-    "package",
+    ("imports", "used"),
     [
-        "styletrf.field.kernels",
-        "styletrf.synthetic.courtyard",
-        "styletrf.viewer",
-        "styletrf.exports",
-        "styletrf.sfm.matching",
+        ("from toy.below.deep import SCALE", "SCALE"),
+        ("from toy.below import deep", "deep.SCALE"),
+        ("import toy.below.deep", "toy.below.deep.SCALE"),
+        ("from toy.below.deep import SCALE\nHALF = SCALE / 2", "HALF"),
+        ("from toy.beside import SCALE", "SCALE"),
     ],
 )
-def test_what_is_compiled_uses_only_its_own_package(package: str):
-    """The folder's name covers one package, so nothing else may be compiled into its functions."""
-    n_functions = 0
-    for path in ROOT.joinpath(*package.split(".")).glob("*.py"):
-        tree = ast.parse(path.read_text())
-        functions = _compiled_functions(tree)
-        n_functions += len(functions)
-        used = {n.id for f in functions for n in ast.walk(f) if isinstance(n, ast.Name)}
-        marks = {n.id for f in functions for d in f.decorator_list for n in ast.walk(d)
-                 if isinstance(n, ast.Name)}  # fmt: skip
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("styletrf"):
-                names = {alias.asname or alias.name for alias in node.names} & used - marks
-                assert not names or f"{node.module}.".startswith(f"{package}."), (path, names)
-    assert n_functions > 0
+def test_what_is_compiled_in_from_another_folder_is_found(toy: Path, imports: str, used: str):
+    """Names in a package below were allowed, and attributes of modules were not seen."""
+    (toy / "below").mkdir()
+    (toy / "below/deep.py").write_text("SCALE = 2.0\n")
+    (toy / "beside.py").write_text("from toy.below.deep import SCALE\n")
+    (toy.parent / "styletrf").mkdir()
+    (toy.parent / "styletrf/compiled.py").write_text("def compiled(): ...\n")
+    assert sources_outside(toy.parent, toy / "outer.py") == set()
+    text = PACKAGE["outer.py"].replace("+ 1.0", f"+ {used}")
+    (toy / "other.py").write_text(f"{imports}\n{text}")
+    assert (toy / "below/deep.py", "SCALE") in sources_outside(toy.parent, toy / "other.py")

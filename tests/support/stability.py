@@ -24,14 +24,16 @@ ROUNDING = 1e-16  # of float64: an error below counts as none
 HEADER = "| what holds | case | precision | values | error | bound |\n|---|---|---|---|---|---|\n"
 BOUNDS = {"float64": 1e-11, "float32": 1e-5, "float16": 2e-3, "bfloat16": 3e-2}
 """The largest error of a case that names no bound of its own, by precision."""
-STALE = "docs/stability.md has no such case; `make stability` writes it anew"
+STALE = "docs/stability.md has no such case; `make stability` writes it again"
 PREFACE = """# Numerical extremes
 
 `make stability` writes this page.
 The error is the largest deviation from a computation or a closed form in float64.
 It is relative to the largest value of that, or absolute if that is zero or the row says so.
-It is rounded up to a power of ten. A row has the worst error of its kernels and parameters.
-The tests assert each bound. A row without an error states a law that has none.
+It is rounded up to a power of ten.
+A row has the worst error of its kernels and parameters.
+The tests assert each bound.
+A row without an error states a law that has none.
 """
 
 

@@ -15,6 +15,7 @@ from safetensors.torch import load_file
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
 from styletrf.field.radiance_field import load_field
+from styletrf.field.rendering import RenderConfig
 from styletrf.files.float_images import read_float_image
 from styletrf.files.images import read_rgb, write_rgb
 from styletrf.files.tables import read_rows, read_summary, write_summary
@@ -24,6 +25,7 @@ from styletrf.scene.exposures import Exposure
 from styletrf.scene.scene_model import read_scene_model, write_scene_model
 from styletrf.style.style_network import load_style_network, stylize
 from styletrf.style.transfer.weights import load_style_transfer
+from styletrf.trajectory.frames import rendered
 from tasks.presets.presets import PRESETS
 
 Mini = Callable[[str], Path]
@@ -237,25 +239,36 @@ def test_exposures_of_the_model_are_taken_out_of_the_fit_and_given_back_to_measu
     assert "psnr_exposed" not in read_summary(build(judge, **judged) / "summary.json")
 
 
-def test_a_photograph_without_a_camera_is_looked_for_in_the_field(stage_of, build, tmp_path: Path):
+def test_a_photograph_without_a_camera_is_placed_if_the_field_shows_the_same(
+    stage_of, build, tmp_path: Path
+):
     judge, inputs = stage_of("QualityMetrics")
-    shutil.copytree(inputs["poses"], tmp_path / "poses")
-    table = tmp_path / "poses" / "cameras.parquet"
-    cameras, held_out = read_cameras(table), read_split(table)[1]
-    names = {camera.name for camera in held_out}
+    poses = tmp_path / "poses"
+    shutil.copytree(inputs["poses"], poses)
+    table = poses / "cameras.parquet"
+    cameras, names = read_cameras(table), {camera.name for camera in read_split(table)[1]}
     lost = next(camera for camera in cameras if camera.name not in names)
     others = [camera for camera in cameras if camera is not lost]
-    write_cameras(table, others, [lost.name], names)
+    write_cameras(table, others, ["foreign", "lost"], names)
+    model, field = read_scene_model(inputs["model"] / "scene.json"), load_field(inputs["field"])
+    at = model.normalized([lost], max(lost.width, lost.height))
+    seen = next(rendered(field, model.space, at, RenderConfig(), torch.device("cpu")))
+    noise = np.random.default_rng(0).random(seen.color.shape, dtype=np.float32)
+    images = {"lost": seen.color.numpy(), "foreign": noise}
+    for name, image in images.items():
+        write_rgb(poses / "images" / f"{name}.png", image)
     lens = {"camera_model": "PINHOLE", "camera_params": [lost.fx, lost.fy, lost.cx, lost.cy]}
     size = {"width": lost.width, "height": lost.height}
-    write_summary(tmp_path / "poses" / "poses.json", lens | size)
-    photograph = Photograph(lost.name, f"{lost.name}.png", lost.width, lost.height, 0, "")
-    write_capture(tmp_path / "poses", Capture((photograph,), ()))
-    folder = build(judge, **{**inputs, "poses": tmp_path / "poses", "capture": tmp_path / "poses"})
+    write_summary(poses / "poses.json", lens | size)
+    photographs = (Photograph(n, f"{n}.png", **size, size_bytes=0, sha256="") for n in images)
+    write_capture(poses, Capture(tuple(photographs), ()))
+    folder = build(judge, **{**inputs, "poses": poses, "capture": poses})
     placed = read_summary(folder / "placed.json")
-    assert placed.keys() == {lost.name}
-    found = placed[lost.name]
-    assert ("world_from_camera" in found) == (found["detail"] >= found["needed"] >= 0.5)
+    assert placed.keys() == images.keys()
+    assert placed["lost"]["detail"] > placed["lost"]["needed"] >= 0.5
+    assert np.shape(placed["lost"]["world_from_camera"]) == (3, 4)
+    assert placed["foreign"]["detail"] < placed["foreign"]["needed"]
+    assert "world_from_camera" not in placed["foreign"]
 
 
 def test_consistency_has_a_row_a_pair(mini: Mini):

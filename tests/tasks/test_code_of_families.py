@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from called_functions import functions_called_for
+from message_words import mentions
 
 import tasks
 from pipeline.code.adoption import snapshot_of
@@ -203,7 +204,7 @@ def test_why_of_the_whole_graph_is_quick_and_loads_no_torch(photographs: Path):
 import sys, time
 started = time.perf_counter()
 from pipeline.maintenance.command_line import main
-assert main(["why", "StylizedTrajectory", *{words}]) == 0
+assert main(["why", "--json", "StylizedTrajectory", *{words}]) == 0
 assert not {{"torch", "numba", "pycolmap"}} & set(sys.modules)
 assert time.perf_counter() - started < 5, "usually 1.3 s"
 """
@@ -215,11 +216,11 @@ assert time.perf_counter() - started < 5, "usually 1.3 s"
         capture_output=True,
         text=True,
     )
-    states = {line.split()[0]: line for line in done.stdout.splitlines()[1:]}
+    states = {row["task"].split()[0]: row["state"] for row in json.loads(done.stdout)}
     others = {"Export", "Grid", "SceneReport", "StylizationMetrics", "TradeOff", "Viewer"}
     assert states.keys() == set(tasks.__all__) - others
-    assert "the first of its family" in states["StyleImage"]
-    assert "waits for " in states["StylizedTrajectory"]
+    assert states["StyleImage"] == "the first of its family"
+    assert mentions(states["StylizedTrajectory"], "QualityMetrics", "TrajectoryFrames")
 
 
 DISTRIBUTIONS = {
@@ -263,6 +264,7 @@ BY_VALUE = {
     "tasks.stages.path_parameters:PathParameters.path_settings",
     "tasks.presets.presets:settings_for",
     "tasks.stages.stage:ConfigurableStage.values",
+    "tasks.stages.stage:PresetStage.get_param_values",
     "tasks.stages.stage:PresetStage.tuned",
     "tasks.stages.style:StyleNetwork.values",
     "tasks.stages.stylization:StylizedField.resolved_match",

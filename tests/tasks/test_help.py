@@ -5,8 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from message_words import mentions
 
 import tasks
+from tasks.__main__ import main
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,3 +63,21 @@ def test_the_help_of_a_parameter_needs_no_other_page(name):
 def test_a_source_has_one_description_wherever_it_is_an_option(option):
     own = [dict(getattr(tasks, name).get_params()).get(option) for name in tasks.__all__]
     assert len({each.description for each in own if each}) == 1
+
+
+@pytest.mark.parametrize("name", ["view", *sorted(requested_tasks())])
+def test_command_without_one_of_its_letters_is_refused_with_its_name(name, monkeypatch):
+    for place in range(len(name)):
+        word = name[:place] + name[place + 1 :]
+        monkeypatch.setattr(sys, "argv", ["styletrf", word, "horns"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert mentions(str(ended.value), word, name)
+
+
+def test_task_of_a_module_of_the_user_is_left_to_luigi(monkeypatch):
+    monkeypatch.setattr("tasks.command_line.run", len)
+    monkeypatch.setattr(sys, "argv", ["styletrf", "Grids", "--module", "mine"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 3

@@ -10,7 +10,7 @@ from styletrf.capture.clips.rolling_shutter import rolling_shutter
 from styletrf.capture.clips.spans import Span, blurs, frame_interval_s, rests
 
 _LEAST_SHARPNESS = 0.01  # of a median frame: photographs have 0.07 to 0.7, blurred by 1/480 less
-_MISSING_S = 0.5  # of what the file declares
+_MISSING_S = 0.5  # of the duration that the file declares
 _TIMES_NAMED = 5
 
 Chosen = Int64[np.ndarray, " chosen"]

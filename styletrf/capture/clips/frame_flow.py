@@ -10,9 +10,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from styletrf.geometry.image_sampling import sample_at
+
 _SIDE = 160  # of the small pictures, in pixels
 _GRID = 4  # every fourth pixel of them counts
 _AROUND = 15  # pixels, whose mean and deviation are the local brightness and contrast
+_SMALLEST_SIDE = 32  # of a picture; below, DIS crashes on those of 160 pixels
 _LEAST_CONTRAST = 1.0  # of 255, of a picture
 _NOISE = 4.0  # of 255, far below which contrast does not count
 
@@ -60,7 +63,7 @@ def flow_between(before: Gray, after: Gray) -> Float[np.ndarray, "7"]:
     Returns zeros where either picture is too small for flow or has no contrast.
     """
     deviations = [float(cv2.meanStdDev(gray)[1].item()) for gray in (before, after)]
-    if min(before.shape) < _AROUND or min(deviations) < _LEAST_CONTRAST:
+    if min(before.shape) < _SMALLEST_SIDE or min(deviations) < _LEAST_CONTRAST:
         return np.zeros(7)
     finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     flow = finder.calc(before, after, np.zeros((*before.shape, 2), np.float32))
@@ -78,12 +81,8 @@ def _motions(flow: Float[np.ndarray, "rows columns 2"]) -> list[Float[np.ndarray
 
 def _undone(after: Gray, flow: Float[np.ndarray, "height width 2"]) -> Gray:
     """Returns the later picture where the earlier one has the same."""
-    height, width = after.shape
-    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    places = flow + np.dstack([columns, rows]).astype(np.float32)
-    across, down = cv2.split(places)
-    moved = cv2.remap(after, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(moved)
+    rows, columns = np.indices(after.shape, dtype=np.float32)
+    return sample_at(after, flow + np.stack([columns, rows], axis=-1))
 
 
 def _contrasts(gray: Gray) -> Float[np.ndarray, "height width"]:

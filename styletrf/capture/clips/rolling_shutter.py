@@ -33,9 +33,9 @@ Pairs = Float[np.ndarray, "frames 2"]
 class RollingShutter:
     """The lean of a clip's frames whose rows (or columns) are exposed one after another.
 
-    `fraction` is the time from the first row to the last over that between frames, `lean` what a
-    quarter of the frames lean by or more, in widths of the picture, `correlation` how well the
-    change of the motion explains how the halves move apart, 0 to 1.
+    `fraction` is the readout time of a frame over the interval between frames. `lean` is the upper
+    quartile of the frames' leans, in widths of the picture. `correlation`, 0 to 1, says how well
+    the change of the motion explains that the halves move apart.
     """
 
     fraction: float

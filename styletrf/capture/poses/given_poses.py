@@ -50,7 +50,7 @@ class GivenPoses:
 
     @property
     def name(self) -> str:
-        """The name of the source; that of a folder, such as `sparse/0`, with the one it is in."""
+        """The name of the source file; of a folder, its name after its parent's: `sparse/0`."""
         parts = self.source.parts[-2:] if self.source.is_dir() else [self.source.name]
         return "/".join(parts)
 
@@ -62,7 +62,7 @@ class GivenPoses:
 
 
 def is_there(file: Path) -> bool:
-    """Returns whether a photograph is there; none is by a name too long for a file."""
+    """Returns whether a photograph exists; false for a name that is too long for a file."""
     try:
         return file.is_file()
     except OSError:
@@ -70,7 +70,7 @@ def is_there(file: Path) -> bool:
 
 
 def rigid(name: str, source: Path, pose: np.ndarray) -> Float[np.ndarray, "3 4"]:
-    """Returns a pose as a rotation and a center, its rotation the nearest to what is given.
+    """Returns a pose as a center and the rotation that is nearest to the given matrix.
 
     Raises:
         InputError: It is not finite, singular, mirrored or far from a rotation times a scale.

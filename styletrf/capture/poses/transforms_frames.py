@@ -32,7 +32,7 @@ def parts_of(folder: Path) -> dict[Path, bool | None]:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The photograph's name, the matrix and the values of a frame, those of the file beneath."""
+    """A frame: its photograph's name, its matrix and its values; the file's values are defaults."""
 
     name: str
     matrix: np.ndarray

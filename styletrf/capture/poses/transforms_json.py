@@ -48,7 +48,7 @@ _UNREAD = ("k4", "k5", "k6")
 """Parameters of FULL_OPENCV; programs that write `k4` for other lenses define it differently."""
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 _PARAMETERS = {"PINHOLE": 4, "OPENCV": 8, "FULL_OPENCV": 12}
-"""The numbers of parameters of COLMAP's models of which each begins with the one before."""
+"""The numbers of parameters of COLMAP's models; each model extends the one before it."""
 
 
 def read_transforms(folder: Path) -> GivenPoses | None:
@@ -73,7 +73,7 @@ def _of_one_model(views: Sequence[GivenView]) -> list[GivenView]:
 
 
 def _widened(lens: Lens, parameters: int) -> Lens:
-    """Returns the same lens as one of the model with so many parameters; a fisheye as it is."""
+    """Returns the lens in the model with so many parameters; a fisheye stays as it is."""
     if lens.model not in _PARAMETERS:
         return lens
     (model,) = (name for name, count in _PARAMETERS.items() if count == parameters)

@@ -29,11 +29,11 @@ LONG_SIDES_PX = (48, 96, 192)
 _STEPS = 12  # at each size
 _LEAST_RISE = 1e-5  # of the correlation, for another step
 _BLUR_PX = 1.0
-_DETAIL_PX = 3.0  # standard deviation of what detail is finer than
+_DETAIL_PX = 3.0  # standard deviation of the blur; an image minus its blur is its detail
 _DAMPING = 1e-3  # of the diagonal of the normal equations
 _ROBUST = 2.0  # median errors, from which on a pixel weighs less
 _LEAST_OPACITY = 0.5  # of a pixel whose depth is used
-_ALL_OF_A_PIXEL = 1 - 1e-6  # of what a blurred pixel sees counts, but for rounding
+_ALL_OF_A_PIXEL = 1 - 1e-6  # of a reduced mask: above, all of a pixel counts, but for rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class _Match:
         return cls(camera, image, depth, target.correlation(image, target.image))
 
     def detail(self, target: _Target) -> float:
-        """Returns the correlation of what is finer than a few pixels."""
+        """Returns the correlation of the details that are finer than a few pixels."""
         return target.correlation(_detail(self.image), _detail(target.image))
 
 

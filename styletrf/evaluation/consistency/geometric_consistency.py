@@ -1,8 +1,8 @@
 """The error of consistency along the field's depth, which is exact and the same for every style.
 
-The paths of pixels from frame to frame follow from both cameras and depths (`exact_flow`), and so
-does what is hidden in the other frame. The measured error is therefore that of the frames alone,
-and not a flow estimator's.
+The cameras and depths of both frames give the path of each pixel from frame to frame
+(`exact_flow`), and the pixels that the other frame hides. The measured error is therefore that of
+the frames alone, and not a flow estimator's.
 """
 
 from dataclasses import dataclass
@@ -34,8 +34,8 @@ class GeometricErrors:
         geometric_floor: The same of the unstylized frames: resampling, view-dependent color.
         normalized_error: The error in windows over the contrast there, by the scene's detail, see
             `_dissimilarity`: 1 for unrelated pictures whatever their contrast and where they have
-            none, at most 2. Equal pictures have 0 between equal cameras, and else what their
-            rounding is beside their contrast. NaN where the scene has no detail.
+            none, at most 2. Equal pictures have 0 between equal cameras, and otherwise the ratio of
+            their rounding to their contrast. NaN where the scene has no detail.
         normalized_floor: The same of the unstylized frames.
     """
 
@@ -65,7 +65,7 @@ class OwnErrors:
 
 @dataclass(frozen=True, slots=True)
 class Correspondence:
-    """The second frame seen from the first, and where it shows what the first one does.
+    """The second frame seen from the first, and the pixels where both show the same surface.
 
     `is_still` says that both cameras are equal, so that nothing moves between them.
     """
@@ -94,8 +94,8 @@ def corresponding(
     """Returns the second frame warped into the first by both depths.
 
     Depths lie along the cameras' axes, infinite in the sky; they agree within a fraction
-    `tolerance`, beyond which the place counts as hidden. Frames are in [0, 1], and so is what is
-    returned. Between pixels they are interpolated by cubics: linear interpolation would blur one
+    `tolerance`, beyond which the place counts as hidden. Frames are in [0, 1], and so are the
+    warped ones. Between pixels they are interpolated by cubics: linear interpolation would blur one
     frame of a pair more, and charge sharp frames for that (decision 45).
     """
     flow, seen = exact_flow(cameras[0], depths[0], cameras[1], depths[1], tolerance)
@@ -136,9 +136,9 @@ def _dissimilarity(
 ) -> float:
     """The weighted mean over windows of E (a - b)^2 over var a + var b + (E a - E b)^2.
 
-    The structure of SSIM (Wang et al. 2004) without a constant to choose: both sums begin with what
-    rounding to 8 bits adds, so that windows of no contrast, in which nothing can be seen to stay,
-    are unrelated. Where nothing moves, both pictures are rounded alike, and that adds no error.
+    The structure of SSIM (Wang et al. 2004) without a constant to choose: both sums begin with the
+    variance of rounding to 8 bits, so that windows without contrast, which show no motion, are
+    unrelated. Where nothing moves, both pictures are rounded alike, and that adds no error.
     """
     total = weights.sum()
     if total <= _VARIANCE_OF_ROUNDING * weights.size:

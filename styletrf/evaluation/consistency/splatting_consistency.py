@@ -16,10 +16,10 @@ from types import MappingProxyType
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from torch.nn.functional import grid_sample
 
 from styletrf.evaluation.flow import Flow, Image
 from styletrf.finiteness import require_finite
+from styletrf.geometry.tensor_sampling import sample_tensor_at
 
 GAPS = 1, 7
 FIRST_FRAMES = 16  # of the published figures
@@ -96,11 +96,10 @@ def importance(a: Image, b: Image, flow: Flow) -> Float[np.ndarray, "height widt
     difference is as bad as more. Outside frame b all is black.
     """
     height, width = flow.shape[:2]
-    centers = np.moveaxis(np.indices((height, width))[::-1], 0, -1) + 0.5
-    ends = torch.from_numpy(2 * (centers + flow) / (width, height) - 1)
+    ends = torch.from_numpy(np.moveaxis(np.indices((height, width))[::-1], 0, -1) + flow)
     picture = torch.from_numpy(np.moveaxis(b, -1, 0).astype(np.float64))
-    # OpenCV rounds places to 1/32 of a pixel, and a tenth of a level counts.
-    sampled = grid_sample(picture[None], ends[None], align_corners=False)[0]
+    # A tenth of a level counts, so `sample_at` is too coarse.
+    sampled = sample_tensor_at(picture[None], ends[None], "zeros")[0]
     warped = np.moveaxis(sampled.numpy(), 0, -1)
     levels = _LEVELS * np.abs(a - warped).mean(axis=-1, dtype=np.float64)
     return np.asarray(np.maximum(-_SHARPNESS * levels, -_MOST))
@@ -113,7 +112,7 @@ def splatted(
 
     I'(q) = sum_p b(q - p - flow(p)) exp(z(p)) I(p) / sum_p b(q - p - flow(p)) exp(z(p)), with the
     bilinear kernel b and the importance z (Niklaus and Liu 2020, equation 9). Their code adds 1e-7
-    to the second sum, which darkens what has little weight.
+    to the second sum, which darkens pixels of little weight.
 
     Args:
         image: In [0, 1].

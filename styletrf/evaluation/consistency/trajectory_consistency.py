@@ -63,7 +63,7 @@ class ConsistencyConfig(PairPlan):
 
 @dataclass(frozen=True, slots=True)
 class PerceptualErrors:
-    """Two frames compared as they look, where the second one sees what the first one does.
+    """Two frames compared as they look, where both show the same surface.
 
     Attributes:
         perceptual_error: Perceptual distance of the stylized frames; NaN where nothing is seen.

@@ -164,8 +164,8 @@ def summary(rows: Sequence[FrameResemblance], priors: Sequence[Picture]) -> dict
 
     The priors are reduced to the size at which the sharpness of frames was measured.
     `X_ratio` is X over `X_unstylized`; `content` the content distance over the painting's;
-    `sharpness_to_priors` and `sharpness_to_unstylized` say over what. The last number is that of
-    `content_style_product`.
+    `sharpness_to_priors` and `sharpness_to_unstylized` name their denominators. The last number is
+    that of `content_style_product`.
     """
     means = {name: float(np.mean([asdict(r)[name] for r in rows])) for name in _numbers(rows[0])}
     ratios = {f"{n}_ratio": _over(means[n], means[f"{n}_unstylized"]) for n in STYLE_DISTANCES}

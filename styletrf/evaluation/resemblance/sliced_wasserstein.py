@@ -7,8 +7,8 @@ a closed form (Rabin et al. 2012), and its root mean square over directions is t
 things are does not count, and no network is involved. All values are in units of L*a*b*, where 1 is
 about the least visible step.
 
-Most of what patches differ by is their mean color, which a map of colors alone can mend; it cannot
-paint texture: the patches without their means.
+Patches differ mostly in their mean colors, which a map of colors alone can correct; it cannot paint
+texture: the patches without their means.
 """
 
 from collections.abc import Sequence

@@ -87,7 +87,7 @@ def _count(
 @no_type_check
 @triton.jit
 def _exclusive(before, own, further_before, further_own):
-    """Joins two runs of an exclusive sum: what lies before the last sample, and that sample."""
+    """Joins two runs of an exclusive sum: the sum before the last sample, and that sample."""
     return before + own + further_before, further_own
 
 

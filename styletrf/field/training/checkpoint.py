@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FieldCurvePoint:
-    """One row of the training curve."""
+    """One row of the training curve, with the size of a grid that grows while it is fitted.
+
+    The rows of each training are its own columns in `curve.parquet` (`write_curve`).
+    """
 
     iteration: int
     seconds: float

@@ -33,7 +33,7 @@ class FieldTrainingConfig:
     depth_weight: float = 0.1  # for every iteration, see `styletrf.field.training.observed_depths`
     depth_rays: int = 1024  # of pixels with depths, every `depth_every` iterations
     depth_every: int = 4
-    depth_until: float = 0.3  # of the iterations: what is empty by then stays so
+    depth_until: float = 0.3  # of the iterations: voxels that are empty by then stay so
     dense_depth_until: float = 0.1  # likewise with depths by stereo, see decision 54
     occupancy_every: int = 200
     occupancy_alpha: float = 0.02  # opacity of one step that counts as occupied [alpha_mask_thre]

@@ -3,7 +3,7 @@
 The signal of PQ is the light of a display (BT.2100-2, table 4), and that of HLG the light of the
 scene (table 5). From this a display makes its own: times the scene's luminance to the power 0.2, if
 it shows 1000 cd/m2. Diffuse white is 203 cd/m2 by ITU-R BT.2408: 75 % of the signal of HLG, 58 % of
-that of PQ. It becomes the white of sRGB (IEC 61966-2-1), and what is brighter becomes white, too.
+that of PQ. It becomes the white of sRGB (IEC 61966-2-1), and so does everything brighter.
 """
 
 from collections.abc import Mapping

@@ -17,7 +17,7 @@ class Artifact:
         label: The stage with its parameters.
         state: The state of the artifact; "removed" ones were made, and are in the store no longer.
         inputs: The names of those that it was made from, or waits for.
-        painting: The style that it is of; "" for what paintings share.
+        painting: The style that it is of; "" if several paintings share it.
         made: The time when its build began, as ISO 8601; "" if it was not made.
         seconds: The duration of its build.
         size_bytes: Its size on disk.
@@ -40,8 +40,8 @@ class Artifact:
     page: str = ""
 
 
-def upstream_first(artifacts: Iterable[Artifact]) -> list[Artifact]:
-    """Returns the artifacts so that each follows its inputs; by family and name in a tie.
+def in_topological_order(artifacts: Iterable[Artifact]) -> list[Artifact]:
+    """Returns the artifacts so that each follows its inputs; ties are by family and name.
 
     Inputs that are not among them are passed over.
     """

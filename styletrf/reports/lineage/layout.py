@@ -1,7 +1,7 @@
 """The layout of a graph of artifacts: a row a step, a group of columns a painting.
 
 Rows: each artifact stands directly above the first row that needs it, by the longest path down.
-Groups: what paintings share stands in the first one.
+Groups: artifacts that paintings share stand in the first one.
 Lines: an input that an input of the same artifact was made from is left out (transitive
 reduction). A line over several rows passes through points of its own in the rows between, so that
 it crosses no artifact; lines from one artifact share these points (Sugiyama, Tagawa, Toda 1981).
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from styletrf.reports.lineage.artifact import Artifact, names_of_ancestors, upstream_first
+from styletrf.reports.lineage.artifact import Artifact, in_topological_order, names_of_ancestors
 
 Point: TypeAlias = tuple[str, int]
 """A point of a line: the artifact that it comes from, and the row."""
@@ -19,7 +19,7 @@ Point: TypeAlias = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Columns of the page, `columns` in number from `first` on, for what is of one painting."""
+    """The columns of one painting's artifacts: `columns` in number, from `first` on."""
 
     painting: str
     first: int
@@ -46,7 +46,7 @@ class Layout:
 
 def layout(artifacts: Sequence[Artifact]) -> Layout:
     """Returns where artifacts stand; the same ones give the same layout, in any order."""
-    ordered = upstream_first(artifacts)
+    ordered = in_topological_order(artifacts)
     inputs = _reduced(ordered)
     rows = _rows(ordered, inputs)
     group_of = {each.name: each.painting for each in ordered}
@@ -118,7 +118,7 @@ def _columns(
             above = [name] if passes else inputs[name]
             found = [columns[p, row - 1] for p in above if group_of[p] == group_of[name]]
             best = sum(found) / len(found) if found else 0.0
-            wanted[point] = (not found, passes, best)  # what goes on below comes first
+            wanted[point] = (not found, passes, best)  # points with others above them come first
         for point in sorted(wanted, key=lambda p: wanted[p]):
             group, best = group_of[point[0]], wanted[point][2]
             free = (k for k in range(len(points)) if (group, row, k) not in taken)

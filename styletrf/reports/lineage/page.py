@@ -4,7 +4,7 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from styletrf.reports.lineage.artifact import Artifact, upstream_first
+from styletrf.reports.lineage.artifact import Artifact, in_topological_order
 from styletrf.reports.lineage.layout import Group, Layout, layout
 from styletrf.reports.page import duration, megabytes, section, write_page
 
@@ -22,7 +22,7 @@ def write_lineage_page(path: Path, scene: str, artifacts: Sequence[Artifact]) ->
         scene: Its name.
         artifacts: The artifacts that were made or requested for the scene; inputs by their names.
     """
-    ordered = sorted(upstream_first(artifacts), key=lambda each: each.painting)
+    ordered = sorted(in_topological_order(artifacts), key=lambda each: each.painting)
     sections = [_header(scene, ordered), _graph(ordered), section("Artifacts", _table(ordered))]
     write_page(path, f"Lineage of {scene}", sections, STYLE, SCRIPT)
 

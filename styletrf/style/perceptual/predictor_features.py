@@ -1,8 +1,8 @@
 """Style as the moments of a second network's features: the network that distinguishes styles.
 
 VGG16 as this project has it (`styletrf.style.perceptual.perceptual_weights`) has learned contours.
-The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learned, from some 80,000
-paintings, what makes a style, and distinguishes colors and ornaments that contours do not.
+The predictor of arbitrary style transfer (Ghiasi et al. 2017) has learned to represent styles from
+some 80,000 paintings, and distinguishes colors and ornaments that contours do not.
 
 A few of its channels are so large that they alone would make up a Gram matrix. So each channel is
 standardized by the painting: z = (F - mean F_style) / std F_style. With mean z and M = mean z z^T

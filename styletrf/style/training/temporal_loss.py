@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from torch.nn import functional
 
 from styletrf.configuration import require_at_least, require_within
+from styletrf.geometry.tensor_sampling import sample_tensor_at
 
 _LEAST_VARIANCE = 1e-3  # on [0, 1]: hardly any contrast
 
@@ -66,7 +66,7 @@ def jittered_pair(
     batch, _, height, width = content.shape
     shift = torch.rand((batch, 1, 1, 2), generator=generator) * 2 - 1
     flow = (config.shift_px * shift).expand(batch, height, width, 2).to(content)
-    # what is at p + flow in the second is at p in the first
+    # the content at p + flow in the second is at p in the first
     moved, _ = warp_along(content, -flow)
     noise = torch.randn(content.shape, generator=generator).to(content)
     _, valid = warp_along(content, flow)
@@ -101,12 +101,6 @@ def warp_along(
     height, width = images.shape[-2:]
     y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     places = torch.stack([x, y], dim=-1).to(flow_px) + flow_px
-    size = flow_px.new_tensor([width, height])
-    seen = functional.grid_sample(
-        images,
-        ((2 * places + 1) / size - 1).to(images),
-        padding_mode="border",
-        align_corners=False,
-    )
-    inside = ((places >= 0) & (places <= size - 1)).all(dim=-1)
-    return seen, inside
+    last = flow_px.new_tensor([width - 1, height - 1])
+    inside = ((places >= 0) & (places <= last)).all(dim=-1)
+    return sample_tensor_at(images, places, "border"), inside

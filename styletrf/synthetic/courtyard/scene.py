@@ -33,7 +33,7 @@ class Part:
     """A mesh and its albedo.
 
     `panel_size` is the extent (meters) of a flat parallelogram, whose light is kept in its texture;
-    a part without it is lit at its vertices. Light passes through what is `translucent`.
+    a part without it is lit at its vertices. Light passes through a `translucent` part.
     """
 
     mesh: Mesh

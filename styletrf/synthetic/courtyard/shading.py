@@ -40,7 +40,7 @@ def sky(dz):
 @no_type_check
 @kernel
 def _between(corners, triangle, u, v, channel):
-    """Returns one channel of what is given at the corners, inside a triangle."""
+    """Returns one channel of the corners' values, interpolated inside a triangle."""
     return (
         (1.0 - u - v) * corners[triangle, 0, channel]
         + u * corners[triangle, 1, channel]

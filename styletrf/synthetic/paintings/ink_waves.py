@@ -43,7 +43,7 @@ def _wave(
     canvas: Canvas, x: Field, y: Field, base: float, height: float, shade: Color,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Paints one row of waves over what is behind it: foam, outline, lines below the crest."""
+    """Paints one row of waves over those behind it: foam, outline, lines below the crest."""
     count, phase = rng.integers(3, 6), rng.uniform(0, 1)
     rough = 0.004 * noise(50, rng)
     first = max(0, int(FINE * (base - height - rough.max())) - 2)  # no crest reaches the rows above

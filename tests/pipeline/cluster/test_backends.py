@@ -4,31 +4,20 @@ import contextlib
 import importlib.util
 import json
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterator
 
-import luigi
 import pytest
 from build_toys import Act
 from commands import are_gone, pids_of_slow, start
-from expected_failures import fails, refuses
 from forked_modules import ForkedModule
 from message_words import mentions
 from ray_process import RayCluster
 from slurm_cluster import SlurmCluster, is_installed
-from store_toys import NO_WORD, Sentence, Word, built
+from store_toys import built
 
-from pipeline.cluster import backends
 from pipeline.cluster.backends import BACKENDS
-from pipeline.cluster.job_runner import run_remote_job
-from pipeline.cluster.ray_driver import resource_request
-from pipeline.cluster.remote_job import JobResult, RemoteJob
-from pipeline.cluster.submission import build_on_cluster, remote_job_of
-from pipeline.errors import LostInputError, TaskFailure
-from pipeline.maintenance.attempts import attempts
+from pipeline.cluster.submission import remote_job_of
 from pipeline.maintenance.verify import problems
 from pipeline.settings import current_store
 
@@ -201,122 +190,6 @@ def test_a_missing_cluster_is_reported_in_one_line(tmp_path, monkeypatch):
         assert "Traceback" not in screen
 
 
-def fixed_result(result, act=lambda: None):
-    """A backend whose jobs have this result, whatever they did."""
-
-    def run(job):
-        act()
-        return result
-
-    return run
-
-
-def built_by(monkeypatch, task, backend):
-    monkeypatch.setitem(BACKENDS, "ray", backend)
-    return build_on_cluster(task, task.action(), current_store(), task.options)
-
-
-@pytest.mark.parametrize(
-    ("act", "kind", "words"),
-    [("refuse", "user", NO_WORD.rstrip(".")), ("crash", "crash", "RuntimeError: a defect")],
-)
-def test_a_failure_on_a_node_has_the_reason_that_its_job_reports(monkeypatch, act, kind, words):
-    task = Act(act, executor="ray")
-    with fails(kind, task, words):
-        built_by(monkeypatch, task, run_remote_job)
-
-
-def test_an_artifact_counts_even_if_its_node_was_lost_right_after(monkeypatch):
-    task = Act("succeed", executor="ray")
-    lost = fixed_result(
-        JobResult.from_output("garbage"),
-        lambda: Act("succeed").make(task.action(), current_store()),
-    )
-    assert built_by(monkeypatch, task, lost).action == task.action()
-
-
-def test_an_input_that_a_node_lost_is_built_again(monkeypatch):
-    sentence = Sentence(executor="ray")
-    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
-    with pytest.raises(LostInputError) as lost:
-        built_by(
-            monkeypatch, sentence, fixed_result(JobResult("lost", Word("world").task_id, "n1"))
-        )
-    assert lost.value.args == (Word("world"),)
-
-
-def test_the_command_waits_until_it_sees_the_record(monkeypatch):
-    """An NFS client may cache for a minute that the record does not exist."""
-    task = Act("succeed", executor="ray")
-    later = threading.Timer(1.5, lambda: Act("succeed").make(task.action(), current_store()))
-    backend = fixed_result(JobResult("built", "", "n1"), later.start)
-    assert built_by(monkeypatch, task, backend).action == task.action()
-    later.join()
-
-
-def test_inputs_are_uploaded_before_the_job_is_submitted(monkeypatch, tmp_path):
-    """They were made when there was no shared store, and the node would not find them."""
-    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
-    (tmp_path / "shared").mkdir()
-    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
-    seen: list[Path] = []
-    backend = fixed_result(
-        JobResult("user"), lambda: seen.extend((tmp_path / "shared").rglob("*.tar"))
-    )
-    with pytest.raises(TaskFailure):
-        built_by(monkeypatch, Sentence(executor="ray"), backend)
-    assert len(seen) == 2
-
-
-def test_a_node_that_finds_no_inputs_says_so(monkeypatch):
-    sentence = Sentence(executor="ray")
-    assert luigi.build([Word("hello"), Word("world")], local_scheduler=True)
-    job = remote_job_of(sentence, sentence.action().key, 0, 0)
-    monkeypatch.setenv("STYLETRF_STORE", str(current_store().root.with_name("another")))
-    assert run_remote_job(job).kind == "lost"
-
-
-class FullDisks:
-    """A backend whose nodes all have full disks, and which runs a job on the first allowed one."""
-
-    def __init__(self, *nodes):
-        self._nodes, self.excluded = nodes, []
-
-    def __call__(self, job):
-        self.excluded.append(job.excluded_nodes)
-        left = [node for node in self._nodes if node not in job.excluded_nodes]
-        return JobResult("disk", "full", "host", (left or self._nodes)[0])
-
-
-def test_a_node_with_a_full_disk_is_excluded_for_a_while(monkeypatch, tmp_path):
-    (tmp_path / "shared").mkdir()
-    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
-    backend = FullDisks("a", "b")
-    task = Act("succeed", executor="ray")
-    with fails("disk", task, "full", "host"):
-        built_by(monkeypatch, task, backend)
-    assert backend.excluded == [(), ("a",), ("a", "b")]
-    with pytest.raises(TaskFailure):
-        built_by(monkeypatch, Act("warn", executor="ray"), backend)
-    assert backend.excluded[3:] == [("a", "b")], "both are known to be full"
-
-
-def test_a_job_is_submitted_to_three_nodes_at_most(monkeypatch, tmp_path):
-    (tmp_path / "shared").mkdir()
-    monkeypatch.setenv("STYLETRF_REMOTE", str(tmp_path / "shared"))
-    backend = FullDisks(*"abcdefgh")
-    with pytest.raises(TaskFailure):
-        built_by(monkeypatch, Act("succeed", executor="ray"), backend)
-    assert len(backend.excluded) == 3
-
-
-def test_a_full_folder_that_all_nodes_share_is_not_tried_again(monkeypatch):
-    backend = FullDisks("a", "b")
-    with pytest.raises(TaskFailure):
-        built_by(monkeypatch, Act("succeed", executor="ray"), backend)
-    assert backend.excluded == [()]
-
-
 @pytest.mark.parametrize("machines", ["slurm"], indirect=True)
 def test_a_held_job_is_a_failure_and_is_canceled(backend, tmp_path):
     with (tmp_path / "backend.cfg").open("a") as settings:
@@ -334,76 +207,3 @@ def test_a_job_has_its_environment_whatever_sbatch_exports(backend, tmp_path):
     status, screen = finish(submit(backend, "Act", "--act", "succeed"))
     assert status == 0, screen
     assert built() == ["Act succeed"]
-
-
-def test_a_build_into_another_store_is_reported(monkeypatch):
-    monkeypatch.setattr("pipeline.cluster.submission._SECONDS_TO_APPEAR", 0.0)
-    task, reasons = Act("succeed", executor="ray"), {}
-    for kind in ("built", "lost"):
-        backend = fixed_result(JobResult(kind, "", "n1"))
-        with fails("user", task, "n1", "STYLETRF_STORE", "STYLETRF_REMOTE") as failure:
-            built_by(monkeypatch, task, backend)
-        reasons[kind] = failure.value.reason
-    assert reasons["built"] != reasons["lost"]
-    ends = [attempt.end for attempt in attempts(current_store())]
-    assert sorted(ends) == sorted(reasons.values()), "a summary reads them there"
-
-
-def test_a_job_requests_what_one_node_has():
-    """The GPUs of one node and the cores of another do not add up."""
-    job = replace(remote_job_of(Act("succeed"), "0" * 64, 8 << 30, 0), cores=8, gpus=2)
-    nodes = {
-        "small": {"CPU": 4.0, "GPU": 1.0, "memory": 4.0 * 2**30},
-        "large": {"CPU": 64.0, "memory": 256.0 * 2**30},
-    }
-    request = resource_request(job, nodes)
-    assert request.pop("label_selector") == {}
-    assert request == {"num_cpus": 4, "num_gpus": 1, "memory": 4 << 30}
-    assert resource_request(replace(job, gpus=0), nodes)["num_cpus"] == 8
-    away = resource_request(replace(job, excluded_nodes=("small",)), nodes)
-    assert (away["num_cpus"], away["num_gpus"]) == (8, 0)
-    assert away["label_selector"] == {"ray.io/node-id": "!in(small)"}
-    nowhere = resource_request(replace(job, excluded_nodes=("small", "large")), nodes)
-    assert nowhere["label_selector"] == {}, "one of them runs the job"
-    for growing in ({}, {"head": {"CPU": 0.0, "memory": 2.0**30}}):
-        request = resource_request(job, growing)
-        assert (request["num_cpus"], request["num_gpus"], request["memory"]) == (8, 2, 8 << 30)
-
-
-def test_a_job_survives_json():
-    job = remote_job_of(Act("succeed"), "0" * 64, 5 << 30, 0)
-    assert RemoteJob.from_json(job.to_json()) == job
-    assert job.parameters["executor"] == "subprocess", "the node does not submit it again"
-
-
-@pytest.mark.parametrize("output", ["", "a line\n", '{"kind": "bui', "Killed\n[]\n"])
-def test_output_without_a_result_means_a_lost_machine(output):
-    assert JobResult.from_output(output).kind == "killed"
-
-
-def test_the_last_result_in_the_output_counts():
-    result = JobResult("built", host="n1")
-    assert (
-        JobResult.from_output(f"noise\n{JobResult('crash').to_json()}\n{result.to_json()}\n\n")
-        == result
-    )
-
-
-@pytest.fixture
-def options_of_slurm() -> Iterator[Callable[[str], list[str]]]:
-    """Returns the options of `sbatch` for a job with `[slurm] options`."""
-    config, job = luigi.configuration.get_config(), remote_job_of(Act("succeed"), "0" * 64, 0, 0)
-
-    def options(text: str) -> list[str]:
-        config.set("slurm", "options", text)
-        return backends._sbatch_options(replace(job, gpus=0))
-
-    yield options
-    config.remove_section("slurm")
-
-
-def test_quotes_in_options_of_slurm_are_those_of_a_shell(options_of_slurm):
-    found = options_of_slurm("""--constraint="a100|h100" --comment='my grid' -p gpu""")
-    assert found[-4:] == ["--constraint=a100|h100", "--comment=my grid", "-p", "gpu"]
-    with refuses("[slurm] options", "luigi.cfg"):
-        options_of_slurm("--comment='my grid")

@@ -2,9 +2,6 @@
 
 import json
 import os
-import platform
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,19 +14,19 @@ from message_words import mentions
 
 from pipeline.errors import StoreError
 from pipeline.execution import cpu_memory
-from pipeline.execution.environment import (
-    SPIN_COUNT,
-    allocator_settings,
-    build_settings,
-    openmp_wait_settings,
-)
 from pipeline.execution.host_locks import open_locks, release, try_acquire
 from pipeline.execution.resources import cpu_for
 from pipeline.task import artifact
 
 CORES = sorted(os.sched_getaffinity(0))
+
+
 HALF = -(-len(CORES) // 2)
+
+
 N_PARTS = -(-64 * HALF // len(CORES))
+
+
 needs_two_cores = pytest.mark.skipif(len(CORES) < 2, reason="needs two cores")
 
 
@@ -225,56 +222,6 @@ def test_the_memory_of_the_container_counts(tmp_path, monkeypatch):
     here.set("host", "memory_gib", "3")
     assert cpu_memory.memory_bytes() == 3 * 2**30
     here.remove_option("host", "memory_gib")
-
-
-@pytest.mark.parametrize("name", ["GOMP_SPINCOUNT", "OMP_WAIT_POLICY"])
-def test_how_threads_wait_is_what_the_user_says(name):
-    assert openmp_wait_settings({name: "as the user likes"}) == {}
-
-
-def test_threads_of_a_build_spin_shortly():
-    """Beside a busy thread, long spinning slowed a fit a hundredfold."""
-    assert int(openmp_wait_settings({})[SPIN_COUNT]) < 100_000
-
-
-@pytest.mark.parametrize("name", ["MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES"])
-def test_how_memory_is_kept_is_what_the_user_says(name):
-    assert allocator_settings({name: "as the user likes"}) == {}
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="needs glibc")
-def test_a_build_has_no_page_faults_for_memory_it_has_had():
-    """Each page of a gradient was faulted in again: a sixth of a fit."""
-    environment = {**os.environ, **allocator_settings({})}
-    again = subprocess.run(
-        [sys.executable, "-c", _FAULTS_OF_A_SECOND_BLOCK],
-        env=environment,
-        capture_output=True,
-        check=True,
-    )
-    assert int(again.stdout) < 1000
-
-
-_FAULTS_OF_A_SECOND_BLOCK = """
-import resource
-
-def faults():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-
-for _ in range(2):
-    before = faults()
-    block = b"1" * (48 << 20)
-    del block
-print(faults() - before)
-"""
-
-
-def test_a_program_can_be_started_with_the_settings_of_builds():
-    names = (*build_settings({}), "OMP_WAIT_POLICY", "GLIBC_TUNABLES")
-    environment = {name: value for name, value in os.environ.items() if name not in names}
-    command = [sys.executable, "-m", "pipeline.execution.environment"]
-    printed = subprocess.check_output(command, env=environment, text=True)
-    assert dict(line.split("=") for line in printed.split()) == build_settings({})
 
 
 def test_a_lone_build_has_the_whole_host_where_no_folder_of_leases_can_be_used(

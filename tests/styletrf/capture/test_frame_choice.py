@@ -7,7 +7,7 @@ from clip_frames import HEIGHT, WIDTH, timed, walked
 from expected_errors import rejects
 
 from styletrf.capture.clips.frame_choice import chosen_frames
-from styletrf.capture.clips.frame_flow import flow_of
+from styletrf.capture.clips.frame_flow import flow_between, flow_of
 from styletrf.capture.clips.frame_motion import FrameMotion, frame_motion, joined_motion
 
 
@@ -77,3 +77,10 @@ def test_clips_share_the_frames_by_how_far_they_go(picture):
     assert near + far >= 20
     assert still <= 1
     assert 2 < far / near < 4
+
+
+@pytest.mark.parametrize("height", [1, 12, 20, 31])
+def test_frames_more_than_five_times_as_wide_as_high_have_no_flow(height):
+    """OpenCV crashed the process."""
+    one, other = np.random.default_rng(0).integers(0, 256, (2, height, 160), dtype=np.uint8)
+    assert not flow_between(one, other).any()

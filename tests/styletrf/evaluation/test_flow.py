@@ -38,6 +38,20 @@ def test_exchanging_the_frames_turns_the_flow_around():
     assert there[20:-20, 20:-20] == pytest.approx(-back[20:-20, 20:-20], abs=0.3)
 
 
+@pytest.mark.parametrize("height", [1, 12, 15])
+@pytest.mark.parametrize("width", [160, 504])
+def test_flat_wide_frames_are_refused(height, width):
+    """OpenCV crashed the process."""
+    with rejects(f"{width}x{height}", "too small"):
+        FlowEstimator()(texture(height, width), texture(height, width))
+
+
+@pytest.mark.parametrize("height", [16, 24])
+@pytest.mark.parametrize("width", [160, 504])
+def test_flat_wide_frames_that_are_not_refused_have_finite_flow(height, width):
+    assert np.isfinite(FlowEstimator()(texture(height, width), texture(height, width, 1))).all()
+
+
 @pytest.mark.parametrize(("x", "y"), [(0, 0), (3, 0), (0, -2), (-4, 5)])
 def test_whole_pixels_are_moved_exactly(x, y):
     b = texture(40, 50)

@@ -1,33 +1,27 @@
-"""Fitting: it learns, resumes exactly, and stops at what is not finite."""
+"""Fitting: the field learns what it is shown, over all of its schedule."""
 
-import copy
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from expected_errors import stops
 from mini_scene import MINI_FIT, MiniScene, fit, fitted_plane
 
 from styletrf.evaluation.metrics import psnr
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
-from styletrf.field.radiance_field import RadianceField, load_field, save_field, set_occupancy
+from styletrf.field.radiance_field import RadianceField, set_occupancy
 from styletrf.field.rendering import RenderConfig, render_view
-from styletrf.field.training.checkpoint import FieldCurvePoint, FitState, restore_fit, save_fit
+from styletrf.field.training.checkpoint import save_fit
 from styletrf.field.training.config import FieldTrainingConfig
-from styletrf.field.training.field_training import train_field
 from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.observed_depths import ObservedDepths, depth_loss
 from styletrf.field.training.parameter_average import ParameterAverage
 from styletrf.field.training.schedule import stage_resolution
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.field.view_rays import ViewRays
-from styletrf.files.checkpoints import load_checkpoint, save_checkpoint
 from styletrf.geometry.space import Space
 from styletrf.psnr import bounded_psnr
 
@@ -52,7 +46,7 @@ def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, f
     usual = replace(usual, tv_views=len(scene.cameras))
     heavy = replace(usual, tv_density=0.1 * factor, tv_appearance=0.1 * factor)
     few = replace(usual, tv_views=round(views * len(scene.cameras)))
-    found, expected = (parameters(fit(scene, config)) for config in (few, heavy))
+    found, expected = (fit(scene, config).state_dict() for config in (few, heavy))
     torch.testing.assert_close(found, expected, rtol=0, atol=0)
 
 
@@ -60,10 +54,6 @@ def test_total_variation_weighs_more_where_there_are_fewer_views(scene, views, f
 def test_growth_is_given_in_shares_of_the_iterations(fraction):
     with pytest.raises(ValueError, match=rf"upsample_at\b.*{re.escape(str(fraction))}"):
         FieldTrainingConfig(upsample_at=(fraction,))
-
-
-def parameters(field: RadianceField) -> dict[str, torch.Tensor]:
-    return field.state_dict()
 
 
 def test_the_field_shows_what_it_was_shown(scene):
@@ -119,35 +109,10 @@ def test_fused_and_reference_kernels_train_to_the_same_field(scene):
     config = replace(CONFIG, iterations=30, gradient_threshold=0.0, color_threshold=0.0)
     fused = fit(scene, config)
     plain = fit(scene, config, kernels_for(CPU, "reference"))
-    for name, tensor in parameters(fused).items():
+    for name, tensor in fused.state_dict().items():
         torch.testing.assert_close(
-            tensor.float(), parameters(plain)[name].float(), rtol=0.02, atol=0.02, msg=name
+            tensor.float(), plain.state_dict()[name].float(), rtol=0.02, atol=0.02, msg=name
         )
-
-
-SHORT = replace(CONFIG, iterations=45, occupancy_every=8)
-
-
-@pytest.fixture(scope="module")
-def whole(scene) -> dict[str, torch.Tensor]:
-    """The parameters after a short fit that nothing stopped."""
-    return parameters(fit(scene, SHORT))
-
-
-@pytest.mark.parametrize("killed_at", [9, 14, 15, 38])
-def test_a_killed_run_resumes_to_the_same_parameters(scene, whole, tmp_path: Path, killed_at):
-    """Also across an up-sampling step: at 15 the optimizer is new and the grid finer."""
-    every_step = replace(SHORT, checkpoint_seconds=0.0)
-
-    def kill(done, total, **quality):
-        if done == killed_at:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fit(scene, every_step, progress=kill, checkpoint_dir=tmp_path)
-    resumed = fit(scene, every_step, checkpoint_dir=tmp_path)
-    for name, tensor in whole.items():
-        assert torch.equal(tensor, parameters(resumed)[name]), name
 
 
 @pytest.mark.parametrize(("fraction", "every", "window"), [(0.5, 1, 15.0), (1.0, 3, 10.0)])
@@ -165,126 +130,6 @@ def test_a_finished_field_is_the_average_with_an_occupancy_of_its_own(
     trainer.refresh_occupancy(settled=True)
     for name, value in fit(scene, config).state_dict().items():
         assert torch.equal(value, trainer.field.state_dict()[name]), name
-
-
-def test_a_damaged_checkpoint_counts_as_none(scene, tmp_path: Path):
-    (tmp_path / "checkpoint.safetensors").write_bytes(b"garbage")
-    config = replace(CONFIG, iterations=3)
-    whole = parameters(fit(scene, config))
-    for name, tensor in parameters(fit(scene, config, checkpoint_dir=tmp_path)).items():
-        assert torch.equal(tensor, whole[name]), name
-
-
-@pytest.mark.parametrize(
-    "change",
-    ["a number more", "a number less", "a default less", "another curve", "no fit", "null fit"],
-)
-def test_a_checkpoint_of_another_version_counts_as_none_with_a_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, change: str
-):
-    """It ended the fit in a traceback."""
-    state = FitState(10, 5, 0, curve=[FieldCurvePoint(1, 1.0, 1.0, 1, 1.0, 1.0)])
-    fit_numbers = asdict(state)
-    if change == "a number more":
-        fit_numbers["other"] = 1
-    elif change == "a number less":
-        del fit_numbers["next_member"]
-    elif change == "a default less":
-        del fit_numbers["seconds"]
-    elif change == "another curve":
-        del fit_numbers["curve"][0]["psnr"]
-    numbers: dict[str, Any] = {} if change == "no fit" else {"fit": fit_numbers}
-    if change == "null fit":
-        numbers["fit"] = None
-    save_checkpoint(tmp_path, {"field": torch.zeros(1)}, numbers | {"averaged": 0})
-    untouched: Any = SimpleNamespace(images=torch.zeros(1))  # all that is needed to load one
-    restore_fit(tmp_path, untouched)
-    assert [str(tmp_path) in message for message in caplog.messages] == [True]
-
-
-@pytest.mark.parametrize("change", ["a tensor more", "a tensor less", "no generator"])
-def test_a_checkpoint_with_tensors_of_another_version_counts_as_none_with_a_warning(
-    scene, tmp_path: Path, caplog: pytest.LogCaptureFixture, change: str
-):
-    """It ended the fit in a traceback, once the grid had grown and the optimizer was new."""
-    trainers = [FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS) for _ in range(2)]
-    trainers[0].step()
-    save_fit(tmp_path, trainers[0])
-    tensors, numbers = load_checkpoint(tmp_path, CPU)
-    if change == "a tensor more":
-        tensors["field.other"] = torch.zeros(1)
-    else:
-        del tensors["generator" if change == "no generator" else "field.appearance.background"]
-    save_checkpoint(tmp_path, tensors, numbers)
-    restored, untouched = trainers[1], copy.deepcopy(trainers[1].state)
-    before = (restored.optimizer, restored.average, restored.generator.get_state())
-    restore_fit(tmp_path, restored)
-    assert [str(tmp_path) in message for message in caplog.messages] == [True]
-    assert restored.state == untouched
-    assert (restored.optimizer, restored.average) == before[:2]
-    assert torch.equal(restored.generator.get_state(), before[2])
-
-
-def test_what_is_not_finite_stops_the_training(scene):
-    config = replace(CONFIG, factor_rate=1e30, network_rate=1e30, iterations=20)
-    with stops("field training", "density", "at iteration 1"):
-        fit(scene, config)
-
-
-def infinity_less_infinity(trainer: FieldTrainer) -> None:
-    for k, sign in ((0, 1), (1, -1)):
-        trainer.field.density.factors.lines[k].data.fill_(100)
-        trainer.field.density.factors.planes[k].data.fill_(sign * torch.finfo().max)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "named"),
-    [
-        (lambda t: first_plane(t).fill_(torch.nan), "parameter density.factors.planes.0"),
-        (infinity_less_infinity, "density"),
-        (lambda t: color_plane(t).fill_(torch.finfo().max), "features"),
-        (lambda t: background(t).fill_(torch.nan), "parameter appearance.background"),
-        (lambda t: t.field.appearance.shading.hidden.weight.data.fill_(3e38), "color"),
-    ],
-)  # fmt: skip
-def test_the_first_stage_that_is_not_finite_is_named_and_the_state_saved(
-    scene, tmp_path: Path, spoil, named
-):
-    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS, tmp_path)
-    trainer.step()
-    spoil(trainer)
-    with stops("field training", named, "at iteration 1"):
-        trainer.step()
-    assert load_checkpoint(tmp_path / "not_finite", CPU) is not None
-    assert load_checkpoint(tmp_path, CPU) is None
-
-
-def first_plane(trainer: FieldTrainer) -> torch.Tensor:
-    return trainer.field.density.factors.planes[0].data
-
-
-def color_plane(trainer: FieldTrainer) -> torch.Tensor:
-    trainer.field.appearance.factors.lines[0].data.fill_(100)
-    return trainer.field.appearance.factors.planes[0].data
-
-
-def background(trainer: FieldTrainer) -> torch.Tensor:
-    return trainer.field.appearance.background.data
-
-
-def test_a_camera_that_is_not_finite_is_named(scene):
-    nowhere = replace(scene.cameras[1], world_from_camera=np.full((3, 4), np.nan))
-    views = TrainingViews([scene.cameras[0], nowhere], scene.images[:2])
-    with stops("rays", "camera 1", f"in space {scene.model.space.kind}"):
-        FieldTrainer(views, scene.volume, CONFIG, KERNELS)
-
-
-def test_a_gradient_that_was_not_finite_is_named_before_the_parameter_it_spoilt(scene):
-    trainer = FieldTrainer(scene.views(), scene.volume, CONFIG, KERNELS)
-    trainer.field.appearance.shading.basis.weight.register_hook(lambda grad: grad * torch.nan)
-    trainer.step()
-    with stops("field training", "gradient of appearance.shading.basis.weight", "at iteration 1"):
-        trainer.step()
 
 
 def around_a_box(
@@ -317,36 +162,6 @@ def test_a_batch_has_more_rays_where_they_have_few_samples(scene):
     for _ in range(50):
         trainer.step()
     assert trainer.state.batch == 8 * CONFIG.batch
-
-
-def test_a_field_reads_back_as_it_was_written_but_for_the_rounding_of_factors(scene, tmp_path):
-    field = fit(scene, replace(CONFIG, iterations=25))
-    save_field(tmp_path, field)
-    again = load_field(tmp_path)
-    assert again.step_length == field.step_length
-    for name, tensor in parameters(field).items():
-        rounded = tensor.half().float() if ".factors." in name else tensor
-        assert torch.equal(rounded, parameters(again)[name]), name
-    (tmp_path / "again").mkdir()
-    save_field(tmp_path / "again", again)
-    for file in ("density.safetensors", "appearance.safetensors"):
-        assert (tmp_path / file).read_bytes() == (tmp_path / "again" / file).read_bytes()
-
-
-def test_factors_too_large_for_16_bits_are_not_rounded(scene, tmp_path):
-    field = fit(scene, replace(CONFIG, iterations=2))
-    with torch.no_grad():
-        field.density.factors.planes[1][0, 0, 0] = 1e5
-    save_field(tmp_path, field)
-    assert torch.equal(
-        load_field(tmp_path).density.factors.planes[1], field.density.factors.planes[1]
-    )
-
-
-def test_one_view_and_a_white_scene_stay_finite(scene):
-    white = TrainingViews(scene.cameras[:1], torch.full_like(scene.images[:1], 255))
-    field, _ = train_field(white, scene.volume, replace(CONFIG, iterations=50), KERNELS)
-    assert all(torch.isfinite(p).all() for p in field.parameters())
 
 
 @pytest.mark.parametrize("coarser", [1, 2])
@@ -401,10 +216,3 @@ def test_sparse_and_dense_depths_each_have_their_own_share_of_the_iterations(sce
     without = fit(scene, plain).density.state_dict()
     assert all(torch.equal(a, without[name]) for name, a in ended.density.state_dict().items())
     assert not all(torch.equal(a, without[name]) for name, a in kept.density.state_dict().items())
-
-
-def test_power_of_the_weights_is_kept_with_the_field(scene, tmp_path):
-    field = fit(scene, replace(CONFIG, iterations=2))
-    field.appearance.weight_power = 1.5
-    save_field(tmp_path, field)
-    assert load_field(tmp_path).appearance.weight_power == 1.5

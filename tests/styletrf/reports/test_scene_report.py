@@ -35,8 +35,9 @@ def content(views=(GOOD,), seen_by=5, **more) -> SceneReportContent:
 
 def test_where_all_is_well_there_is_nothing_to_do(tmp_path):
     assert advice(content()) == []
-    write_scene_report(tmp_path / "r.html", content())
-    assert "Nothing: the photographs will do." in (tmp_path / "r.html").read_text()
+    for report, items in ((content(), 0), (content(doubts=["no depth"]), 1)):
+        write_scene_report(tmp_path / "r.html", report)
+        assert (tmp_path / "r.html").read_text().count("<li>") == items
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_every_photograph_is_placed_where_the_data_set_says(scene, solved):
     assert residual.max() < 0.03 * np.linalg.norm(target, axis=1).max()
 
 
-def test_handheld_photographs_of_a_front_are_modelled_in_ndc(solved):
+def test_handheld_photographs_of_a_front_are_modeled_in_ndc(solved):
     folder, _ = solved
     model = decide_scene_model(
         read_cameras(folder / "cameras.parquet"),

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from command_output import command, said
 from expected_failures import fails
+from luigi.cmdline_parser import CmdlineParser
 from message_words import mentions
 
 import tasks
+from pipeline.execution.cost_history import Cost, CostSample, record_cost
+from pipeline.execution.resources import significant
 from pipeline.job import write_outcome
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
+from tasks.command.build_order import seconds_to_the_end
 from tasks.command.sources import (
     begin_of_command,
     is_source,
@@ -112,8 +116,45 @@ def test_a_single_stage_stops_where_a_painting_cannot_be_read(failed_painting):
         require_sources(poses, frames)
 
 
-def test_sources_run_whatever_became_of_the_others(failed_painting):
-    require_sources(stage(failed_painting, "SceneCapture"), failed_painting)
+def test_source_stops_where_one_before_it_failed(failed_painting):
+    for later in ("PerceptualWeights", "SceneCapture"):
+        later = stage(failed_painting, later)
+        with fails("user", later, stage(failed_painting, "StyleImage"), "--keep-going"):
+            require_sources(later, failed_painting)
+
+
+@pytest.mark.usefixtures("failed_painting")
+def test_paintings_are_all_read_whatever_became_of_the_others():
+    grid = tasks.Grid(scenes=["mini"], styles=["p", "q"], quality="draft", content="embedded")
+    for painting in ("p", "q"):
+        require_sources(tasks.StyleImage(style=painting), grid)
+
+
+SLOW = {
+    "SceneCapture": {"SceneCapture": 45.0, "StyleImage": 0.4},
+    "StyleImage": {"SceneCapture": 0.4, "StyleImage": 45.0},
+    "ContentImages": {"ContentImages": 600.0},
+    "nothing": {},
+}
+
+
+@pytest.mark.parametrize("earlier_s", SLOW.values(), ids=SLOW)
+def test_one_file_is_read_before_many_whatever_earlier_builds_took(out, tmp_path, earlier_s):
+    options = {"scene": "clip", "style": "p", "quality": "draft", "content": str(tmp_path)}
+    words = [word for name, value in options.items() for word in (f"--{name}", value)]
+    seconds_to_the_end.cache_clear()
+    with CmdlineParser.global_instance(["StylizedTrajectory", *words]) as parser:
+        root = parser.get_task_obj()
+        for family, seconds in earlier_s.items():
+            same = significant(stage(root, family))
+            record_cost(current_store(), family, CostSample(same, Cost(seconds, 1)))
+        ordered = sorted(upstream_first(root), key=lambda task: task.priority, reverse=True)
+    families = [task.task_family for task in ordered]
+    n_sources = len(sources_of(root))
+    assert set(ordered[:n_sources]) == set(sources_of(root))
+    assert families[0] == "StyleImage"
+    assert set(families[1:3]) == {"PerceptualWeights", "TransferWeights"}
+    assert families[3:n_sources] == ["SceneCapture", "ContentImages"]
 
 
 def test_keep_going_runs_what_does_not_need_the_source(failed_painting):
@@ -149,13 +190,15 @@ def test_process_of_a_worker_knows_when_the_command_began():
         assert pool.apply(begin_of_command) == begin_of_command()
 
 
-def test_bad_painting_ends_the_command_before_the_poses_with_the_reason_last(photographs, tmp_path):
+def test_bad_painting_ends_the_command_before_the_capture_with_the_reason_last(
+    photographs, tmp_path
+):
     data = shutil.copytree(photographs, tmp_path / "data")
     cv2.imwrite(str(data / "styles" / "dot.png"), np.zeros((1, 1, 3), np.uint8))
     words = ["--scene", "mini", "--style", "dot", "--quality", "draft"]
     status, screen = said(data, "StylizedTrajectory", *words)
     assert status == 30
-    assert "CameraPoses draft mini: started" not in screen
+    assert [log.name for log in (current_store().root / "logs").iterdir()] == ["StyleImage"]
     last = screen.strip().rpartition("\n")[2]
     assert mentions(last, "StyleImage", "1x1")
 

@@ -1,5 +1,6 @@
 """`--plan`: what a command would do, without doing it."""
 
+import itertools
 import json
 import re
 import shutil
@@ -14,7 +15,7 @@ from message_words import mentions
 import tasks
 from pipeline.settings import current_store
 from tasks.machine.calibration import keep_calibration, this_machine
-from tasks.planning.build_plan import BuildPlan, StagePlan, makespan, plan_of
+from tasks.planning.build_plan import BuildPlan, StagePlan, makespan, most_at_once, plan_of
 from tasks.planning.plan_report import plan_as_json, plan_as_text
 from tasks.planning.stage_costs import ExpectedCost, reference_costs
 from tasks.presets.quality_choice import SHIPPED
@@ -170,6 +171,36 @@ def test_more_workers_never_take_longer_than_one(rows, workers, busy):
     ]
     plan = BuildPlan(stages, ())
     assert plan.seconds(workers, 2) <= plan.seconds(1, 2) * (1 + 1e-9)
+
+
+@given(graphs, st.integers(1, 4))
+def test_memory_is_at_least_that_of_any_stages_that_run_at_once(rows, workers):
+    sizes = {str(k): round(size) for k, (size, _) in enumerate(rows)}
+    upstream = {str(k): [str(u) for u in before if u < k] for k, (_, before) in enumerate(rows)}
+    ahead = {}
+    for name, waits_for in upstream.items():
+        ahead[name] = set(waits_for).union(*(ahead[each] for each in waits_for))
+    sums = [
+        sum(sizes[name] for name in group)
+        for count in range(1, workers + 1)
+        for group in itertools.combinations(sizes, count)
+        if not any(set(group) & ahead[name] for name in group)
+    ]
+    most = most_at_once(sizes, upstream, workers)
+    assert max(sums) <= most <= sum(sorted(sizes.values())[-workers:])
+    assert most == max(sums) or workers > 2
+
+
+def test_totals_of_several_workers_have_the_memory_of_builds_at_once(monkeypatch):
+    plan = plan_of(mini())
+    largest = max(stage.cost.peak_memory_bytes for stage in plan.to_make)
+    assert json.loads(plan_as_json(plan))["totals"]["peak_memory_bytes"] == largest
+    monkeypatch.setattr("tasks.planning.plan_report.workers_of_command", lambda: 3)
+    totals = json.loads(plan_as_json(plan))["totals"]
+    assert totals["peak_memory_bytes_one_worker"] == largest
+    assert largest < totals["peak_memory_bytes"] <= 3 * largest
+    shown = [round(totals[name] / 2**20) for name in totals if "memory" in name]
+    assert mentions(plan_as_text(plan).splitlines()[-1], *shown)
 
 
 WORDS = ("--scene", "mini", "--style", "p", "--content", "embedded", "--quality", "draft")

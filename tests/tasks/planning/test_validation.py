@@ -1,11 +1,8 @@
 """A command reports mistakes in its words before its first stage."""
 
-import io
 import json
 import re
 import shutil
-import sys
-from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
@@ -14,27 +11,20 @@ from expected_errors import rejects
 from luigi.cmdline_parser import CmdlineParser
 from luigi.parameter import ParameterException
 from message_words import mentions
+from request_checks import check_in_this_process
 
 import tasks
 from pipeline.maintenance.task_graph import upstream_first
 from styletrf.files.video import write_video
 from tasks.command_line import begin
-from tasks.planning import request_validation, validation
+from tasks.planning import validation
 from tasks.planning.validation import LEAST_ROOM_BYTES, require_room
 
 
 @pytest.fixture(autouse=True)
 def _checked_in_this_process(monkeypatch):
     """As the process does that a command starts: those of `said` have one each."""
-
-    def output_of(function: str, text: str) -> str:
-        assert function == "tasks.planning.request_validation:main"
-        monkeypatch.setattr(sys, "stdin", io.StringIO(text))
-        with redirect_stdout(io.StringIO()) as answer:
-            assert request_validation.main() == 0
-        return answer.getvalue()
-
-    monkeypatch.setattr(validation, "output_of", output_of)
+    check_in_this_process(monkeypatch)
 
 
 def refusal(*words: str) -> str:

@@ -3,65 +3,27 @@
 import json
 import re
 from dataclasses import asdict, replace
-from datetime import UTC, datetime, timedelta
-from types import SimpleNamespace
 
 import pytest
 from expected_errors import rejects
 from luigi.cmdline_parser import CmdlineParser
+from mini_fronts import FAST, FRONT, GOOD, as_there, calibrated, mini, of_presets, twice
 
 from pipeline.canonical import canonical_json
 from pipeline.digest import typed_digest
 from pipeline.errors import TaskFailure
 from styletrf.configuration import configured
 from styletrf.errors import InputError
-from styletrf.evaluation.trade_off import Combination
 from tasks import StylizedTrajectory
-from tasks.machine.calibration import keep_calibration, this_machine
 from tasks.machine.local_facts import add_fact
 from tasks.planning.kept_choice import choice_for, keep_choice
-from tasks.planning.remaining_time import cost_model, timing_of
+from tasks.planning.remaining_time import timing_of
 from tasks.planning.request_validation import configurations
-from tasks.planning.stage_costs import MeasuredSeconds, reference_costs
-from tasks.planning.stage_work import START_S
 from tasks.presets.presets import DEFAULT_QUALITY, PRESETS, settings_for
 from tasks.presets.quality_choice import SHIPPED, Front, choose, fronts_for, require_reachable
 from tasks.presets.quality_request import quality_request
 
-FAST = Combination(
-    "quick", "", {"RadianceField": {"iterations": 9}}, 0.8, 24.0, -5.0, 100.0, 1.0, 0.0, 1, 1
-)
-GOOD = Combination("", "", {}, 0.0, 24.8, -5.0, 280.0, 1.0, 0.0, 1, 1)
-FRONT = Front("the front of this scene (s)", "draft", (FAST, GOOD), None)
-
-
-def as_there(_front, point):
-    """The times of the machine that measured the front."""
-    return point.seconds
-
-
-def twice(front, point):
-    return 2 * as_there(front, point)
-
-
-def calibrated(times_slower: float) -> None:
-    """This machine is so many times slower than that of the reference."""
-    seconds = reference_costs().calibration.seconds
-    slower = {kind: times_slower * value for kind, value in seconds.items()}
-    keep_calibration(this_machine(), slower)
-
-
-@pytest.fixture(autouse=True)
-def _data(monkeypatch, photographs, tmp_path):
-    from tasks.machine.calibration import calibration_of_machine
-
-    monkeypatch.setenv("STYLETRF_DATA", str(photographs))
-    monkeypatch.setenv("STYLETRF_OUT", str(tmp_path / "out"))
-    calibration_of_machine.cache_clear()
-
-
-def mini(**words) -> StylizedTrajectory:
-    return StylizedTrajectory(**{"scene": "mini", "style": "p", "content": "embedded"} | words)
+pytestmark = pytest.mark.usefixtures("mini_data")
 
 
 @pytest.mark.parametrize(
@@ -74,11 +36,6 @@ def mini(**words) -> StylizedTrajectory:
 def test_a_request_is_served_by_the_front(quality, budget, found):
     choice = choose(quality_request(quality, budget), FRONT, as_there)
     assert (choice.point, choice.front) == (found, FRONT)
-
-
-def of_presets(**seconds: float):
-    """The times of points of fronts of these qualities, whatever the point is."""
-    return lambda front, _point: seconds[front.quality]
 
 
 @pytest.mark.parametrize(("budget", "quality"), [("30min", "standard"), ("10min", "draft")])
@@ -124,17 +81,6 @@ def test_a_bound_on_quality_is_served_by_the_front_alone():
     assert choice.front == FRONT
 
 
-@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
-def test_the_default_quality_takes_longer_than_the_point_that_its_time_is_predicted_from(space):
-    """All stages of both do the same work, and most of them more of it."""
-    calibrated(1.0)
-    task, (front,) = mini(budget="5min"), fronts_for(SHIPPED / "none", space)
-    offer, _ = front.offers()
-    best = min(front.points, key=lambda point: point.shortfall_db)
-    timing = timing_of(task)
-    assert timing(offer, *offer.points) > timing(front, best)
-
-
 PAINTED = replace(FAST, style="painted", stylizer="arbitrary", shortfall_db=0.9, seconds=50.0)
 
 
@@ -150,6 +96,23 @@ def test_a_point_is_made_with_its_stylizer_and_the_choice_is_remembered(monkeypa
     keep_choice(task, front, choice)
     assert choice_for(task, request, front).point.stylizer == "arbitrary"
     assert task.at_point(FRONT, GOOD).stylizer == task.stylizer
+
+
+def test_a_point_of_another_quality_is_made_at_that_and_the_choice_is_remembered():
+    """Fronts around `draft` and `standard` are joined; both have points without a change."""
+    calibrated(1.0)
+    task, request = mini(budget="400s"), quality_request("draft", "400s")
+    exact = {"RadianceField": {"steep_gain_db": 0.0}}
+    best = replace(GOOD, quality="standard", tuning=exact, seconds=390.0)
+    front = replace(FRONT, points=(FAST, replace(GOOD, shortfall_db=0.4), best))
+    choice = choose(request, front, lambda f, p: p.seconds if f is front else 1e9)
+    assert choice.point == best
+    assert task.at_point(choice.front, choice.point).quality == "standard"
+    assert "--quality standard" in choice.description
+    keep_choice(task, front, choice)
+    assert choice_for(task, request, front) == choice
+    timing = timing_of(task)
+    assert timing(front, best) > timing(front, replace(best, quality="draft"))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +144,7 @@ def test_a_choice_that_an_earlier_version_kept_is_found():
     task, request = mini(budget="5min"), quality_request("draft", "5min")
     former = [
         {name: value for name, value in asdict(point).items()
-         if name not in ("consistency_ratio", "stylizer")}
+         if name not in ("consistency_ratio", "stylizer", "quality")}
         for point in FRONT.points
     ]  # fmt: skip
     fields = {"words": task.to_str_params(only_significant=True), "front": FRONT.description,
@@ -229,105 +192,6 @@ def test_a_budget_out_of_reach_is_refused_before_the_first_stage():
     mini(budget=nearest).require_reachable()
 
 
-@pytest.mark.parametrize("space", ["ndc", "unbounded", "box"])
-def test_seconds_double_on_a_machine_twice_as_slow(space):
-    from tasks.machine.calibration import calibration_of_machine
-
-    task, (front,) = mini(budget="5min"), fronts_for(SHIPPED / "none", space)
-    seconds = []
-    for slower in (1.0, 2.0):
-        calibrated(slower)
-        calibration_of_machine.cache_clear()
-        seconds.append(timing_of(task)(front, front.points[0]))
-    assert seconds[1] == pytest.approx(2 * seconds[0])
-
-
-def test_the_seconds_measured_for_a_front_are_scaled_from_its_own_machine():
-    """What the front of a scene has stage by stage goes before the reference."""
-    calibrated(1.0)
-    reference = reference_costs().calibration
-    there = replace(reference, seconds={k: v / 3 for k, v in reference.seconds.items()})
-    stages = dict.fromkeys(reference_costs().stages, 10.0)
-    front = replace(FRONT, calibration=there, points=(replace(GOOD, stage_seconds=stages),))
-    task = mini(budget="5min")
-    stage = task.with_settings("draft", {}).requires()["field"]
-    measured = MeasuredSeconds(10.0, stage, there, None)
-    assert cost_model(task, front).expected(stage, measured).seconds == pytest.approx(30.0)
-    families = {s.task_family for s in graph_of(task)}
-    assert timing_of(task)(front, front.points[0]) >= 30.0 * len(families & stages.keys())
-
-
-def test_what_a_command_made_to_decide_its_settings_counts_for_its_budget(monkeypatch):
-    """A budget was full again after the camera poses."""
-    calibrated(1.0)
-    begun = datetime.now(UTC)
-    monkeypatch.setattr("tasks.planning.remaining_time.begin_of_command", lambda: begun)
-    front = replace(FRONT, calibration=reference_costs().calibration)
-
-    def seconds(started: datetime) -> float:
-        record = SimpleNamespace(provenance={"started": started.isoformat(), "seconds": 50.0})
-        monkeypatch.setattr(
-            "tasks.planning.remaining_time.found_record",
-            lambda stage: record if stage.task_family == "CameraPoses" else None,
-        )
-        return timing_of(mini(budget="5min"))(front, GOOD)
-
-    earlier, now = (seconds(begun + timedelta(seconds=each)) for each in (-1.0, 1.0))
-    assert now == pytest.approx(earlier + 50.0)
-
-
-def test_the_seconds_of_another_scene_are_scaled_by_its_photographs():
-    """A front of 62 small photographs promised its own seconds to any capture."""
-    calibrated(1.0)
-    stages = {"TrajectoryFrames": 10.0 + START_S, "SceneModel": 10.0 + START_S}
-    front = replace(FRONT, calibration=reference_costs().calibration)
-
-    def seconds(**photographs: int) -> float:
-        point = replace(GOOD, stage_seconds=stages)
-        known = replace(front, photographs=photographs, points=(point,))
-        return timing_of(mini(budget="5min"))(known, point)
-
-    alike = seconds()  # the scene has eight photographs of 96 x 96 pixels
-    assert seconds(count=8, width=96, height=96) == pytest.approx(alike)
-    assert seconds(count=16, width=96, height=96) == pytest.approx(alike - 5.0)
-    assert seconds(count=8, width=96, height=48) == pytest.approx(alike + 10.0)
-
-
-@pytest.mark.parametrize(
-    ("words", "times"), [({"seconds": 10.0}, 4), ({"frame_size": 192}, 4), ({"frame_rate": 30}, 1)]
-)
-def test_a_longer_path_and_larger_frames_take_more_than_those_of_the_front(words, times):
-    """Both stages had the options of the command, so that these took no time."""
-    calibrated(1.0)
-    stages = {"TrajectoryFrames": 10.0 + START_S, "StylizedFrames": 20.0 + START_S}
-    front = replace(
-        FRONT,
-        calibration=reference_costs().calibration,
-        photographs={"count": 8, "width": 96, "height": 96},
-        points=(replace(GOOD, stage_seconds=stages),),
-    )
-    only = {**dict.fromkeys(reference_costs().stages, START_S), **stages}
-    point = replace(GOOD, stage_seconds=only)
-    plain, more = (timing_of(mini(budget="5min", **each))(front, point) for each in ({}, words))
-    assert more - plain == pytest.approx((times - 1) * 30.0)
-
-
-def test_the_seconds_of_a_front_are_not_those_of_another_strategy():
-    calibrated(1.0)
-    front = replace(FRONT, calibration=reference_costs().calibration)
-    known, unknown = (
-        timing_of(mini(budget="5min", strategy="s1"))(front, replace(GOOD, stage_seconds=stages))
-        for stages in ({"StylizedField": 9999.0}, {})
-    )
-    assert known == unknown
-
-
-def graph_of(task):
-    from pipeline.maintenance.task_graph import upstream_first
-
-    return upstream_first(task.with_settings("draft", {}))
-
-
 def test_a_choice_that_was_kept_stays_whatever_becomes_faster():
     calibrated(1.0)
     task = mini(budget="5min")
@@ -345,7 +209,8 @@ def test_the_settings_of_the_shipped_fronts_are_known(space):
     assert json.loads((SHIPPED / f"{space}.json").read_text())["space"] == space
     for point in front.points:
         for stage, settings in point.tuning.items():
-            configured(configurations()[stage], {**settings_for(stage, "draft"), **settings})
+            preset = settings_for(stage, front.quality_of(point))
+            configured(configurations()[stage], {**preset, **settings})
 
 
 def test_the_front_of_the_scene_goes_before_the_shipped(tmp_path):

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "benchmarks/README.md")),
+    *(page for name in ("docs", "deploy") for page in sorted((ROOT / name).rglob("*.md"))),
+)
 PROGRAMS = (
-    ".ci/run", "blender", "luigi", "luigid", "make", "pip", "pre-commit", "python", "rm", "ssh",
-    "styletrf",
+    ".ci/run", "blender", "luigi", "luigid", "make", "openssl", "pip", "pre-commit", "python", "rm",
+    "ssh", "styletrf",
 )  # fmt: skip
 OF_THE_STORE = (
     "adopt", "du", "gc", "ls", "pin", "pull", "push", "show", "snapshot", "unpin", "verify", "why",
@@ -24,10 +27,11 @@ _NOT_RUN = re.compile(r"^## Commands that no test runs\n.*?(?=^## )", re.MULTILI
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`([^`\n]+)`")
 _BEGINS_WITH_PROGRAM = re.compile(
-    rf"(?:\w+=\S+ )*(?:{'|'.join(map(re.escape, PROGRAMS))}) |\.ci/run$"
+    rf"(?:\w+=\S+ )*(?:\.venv/bin/)?(?:{'|'.join(map(re.escape, PROGRAMS))}) |\.ci/run$"
+    r"|env \$\(|\(umask "
 )
 _OF_THE_STORE = re.compile(rf"(?:{'|'.join(OF_THE_STORE)}) ")
-_OF_THE_SHELL = (".", "done", "for")
+_OF_THE_SHELL = (".", "done", "env", "for", "seq", "umask")
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Command:
 
     @property
     def subject(self) -> str:
-        """What is run, such as `make demo` or `python -m pipeline`; the rest are arguments."""
+        """What is run, such as `make demo` or `python -m pipeline gc`; the rest are arguments."""
         return " ".join(self.words[: self._length])
 
     @property
@@ -53,7 +57,7 @@ class Command:
     @property
     def _length(self) -> int:
         if self.words[:2] == ("python", "-m"):
-            return 3
+            return 4 if self.words[2] == "pipeline" else 3
         return 2 if self.words[0] in ("make", "pip", "pre-commit", "python", "styletrf") else 1
 
 
@@ -62,7 +66,8 @@ def documented_commands() -> list[Command]:
     found: list[Command] = []
     for page in PAGES:
         text = _NOT_RUN.sub("", page.read_text(encoding="utf-8"))
-        found += [Command(page.name, words) for words in _commands_in(text)]
+        name = str(page.relative_to(ROOT))
+        found += [Command(name, words) for words in _commands_in(text)]
     return found
 
 
@@ -90,13 +95,13 @@ def _commands_in(text: str) -> Iterator[tuple[str, ...]]:
 
 def _parts(line: str) -> Iterator[tuple[str, ...]]:
     """Yields the commands of a line, without assignments and words of the shell."""
-    lexer = shlex.shlex(line, posix=True, punctuation_chars=";&")
+    lexer = shlex.shlex(line, posix=True, punctuation_chars=";&()")
     lexer.whitespace_split = True
     words: list[str] = []
     for word in [*lexer, ";"]:
-        if word not in (";", "&&"):
+        if not set(word) <= set(";&()"):
             is_before = not words and (word == "do" or re.match(r"\w+=", word))
-            words += [] if is_before else [word]
+            words += [] if is_before else [word if words else word.removeprefix(".venv/bin/")]
         elif words:
             if words[0] not in _OF_THE_SHELL:
                 yield tuple(words)

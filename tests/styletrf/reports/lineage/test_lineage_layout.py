@@ -5,7 +5,7 @@ from typing import TypeAlias
 from hypothesis import given
 from hypothesis import strategies as st
 
-from styletrf.reports.lineage.artifact import Artifact, names_of_ancestors, upstream_first
+from styletrf.reports.lineage.artifact import Artifact, in_topological_order, names_of_ancestors
 from styletrf.reports.lineage.layout import layout
 
 
@@ -59,7 +59,7 @@ def test_every_arrow_leads_downwards_one_row_at_a_time(rows: list[Row]):
 def test_arrows_say_what_everything_was_made_from_and_none_can_be_spared(rows: list[Row]):
     artifacts = made(rows)
     arrows = [(source, target) for source, target, _ in layout(artifacts).lines]
-    expected = names_of_ancestors(upstream_first(artifacts))
+    expected = names_of_ancestors(in_topological_order(artifacts))
     assert _reached(artifacts, arrows) == expected
     for arrow in arrows:
         assert _reached(artifacts, [each for each in arrows if each != arrow]) != expected
@@ -98,7 +98,7 @@ def test_what_is_needed_late_stands_late():
 
 def _reached(artifacts: list[Artifact], arrows: list[tuple[str, str]]) -> dict[str, frozenset[str]]:
     found = {}
-    for each in upstream_first(artifacts):
+    for each in in_topological_order(artifacts):
         above = [source for source, target in arrows if target == each.name]
         found[each.name] = frozenset(above).union(*(found[name] for name in above))
     return found
