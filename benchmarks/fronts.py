@@ -1,42 +1,101 @@
 """`python benchmarks/fronts.py FRONT.json FRONT.json --to FILE`: one front of two qualities.
 
 Each is the `front.json` of `TradeOff` of one scene and one painting, around another quality. Both
-have photographs of one size, so that their PSNR compare. The points get the quality that they
-change, the seconds of the first one's machine on its day, and the shortfall from the best of both;
-those that another point beats are left out.
+have photographs of one size, so that their PSNR compare. Each variant of the scene in a front is
+combined with each of the style, because a combination that was beaten in its front may not be in
+the joined one. The points get the quality that they change, the seconds of the machine and the day
+of the lower quality's sweep, and the shortfall from the best of both; points that another one beats
+in time, PSNR and style are left out.
 """
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from styletrf.evaluation.pareto_front import pareto_front
-from styletrf.evaluation.trade_off import Combination
+from styletrf.evaluation.trade_off import FOLLOWING_FRAMES, Combination, Tuning, merged
 from tasks.machine.calibration import Calibration
+from tasks.presets.presets import PRESETS
+from tasks.summary.trade_off_measurements import SCENE
 
 SAME = ("scene", "style", "space", "photographs")
 
 
-def on_the_machine_of(front: dict[str, Any], calibration: Calibration) -> list[Combination]:
-    """Returns the points of a front with their quality, in the seconds of a calibration."""
-    measured = Calibration.from_json(front["calibration"])
+def combined(scene: Combination, style: Combination) -> Combination:
+    """Returns the variant of the scene of one point with that of the style of another.
 
-    def moved(point: Combination) -> Combination:
+    Stages that render the field take as many times longer as the scene's frames do. The bytes are
+    those of the first point.
+    """
+    frames = "TrajectoryFrames"
+    ratio = scene.stage_seconds[frames] / style.stage_seconds[frames]
+    of_style = {
+        stage: seconds * (ratio if stage in FOLLOWING_FRAMES else 1.0)
+        for stage, seconds in style.stage_seconds.items()
+        if stage not in SCENE
+    }
+    of_scene = {k: v for k, v in scene.stage_seconds.items() if k in SCENE}
+    seconds = {**of_style, **of_scene}
+    both = (scene, style)
+    return replace(
+        style,
+        scene=scene.scene,
+        tuning=merged(_part(scene.tuning, of_scene=True), _part(style.tuning, of_scene=False)),
+        psnr_db=scene.psnr_db,
+        stage_seconds=seconds,
+        seconds=sum(seconds.values()),
+        seconds_spread=max(p.seconds_spread or 0.0 for p in both) or None,
+        other_cpu_share=max(p.other_cpu_share or 0.0 for p in both),
+        peak_memory_bytes=max(p.peak_memory_bytes for p in both),
+        model_bytes=scene.model_bytes,
+    )
+
+
+def _part(tuning: Tuning, *, of_scene: bool) -> Tuning:
+    return {stage: values for stage, values in tuning.items() if (stage in SCENE) == of_scene}
+
+
+def variants_combined(points: Sequence[Combination]) -> Iterator[Combination]:
+    """Yields each variant of the scene with each of the style; points stay as they are."""
+    known = {(point.scene, point.style): point for point in points}
+    scenes, styles = ({getattr(p, side): p for p in points} for side in ("scene", "style"))
+    for scene in scenes.values():
+        for style in styles.values():
+            yield known.get((scene.scene, style.style)) or combined(scene, style)
+
+
+def moved(front: dict[str, Any], calibration: Calibration) -> Iterator[Combination]:
+    """Yields the combinations of a front with their quality, in the seconds of a calibration."""
+    measured = Calibration.from_json(front["calibration"])
+    points = [Combination(**each["combination"]) for each in front["points"]]
+    for point in variants_combined(points):
         seconds = {
             stage: calibration.times_slower_than(measured, stage) * seconds
             for stage, seconds in point.stage_seconds.items()
         }
-        total, before = sum(seconds.values()), point.seconds
-        spread = point.seconds_spread and point.seconds_spread * total / before
+        total = sum(seconds.values())
+        spread = point.seconds_spread and point.seconds_spread * total / point.seconds
         quality = point.quality or front["quality"]
-        return replace(
+        yield replace(
             point, stage_seconds=seconds, seconds=total, seconds_spread=spread, quality=quality
         )
 
-    return [moved(Combination(**each["combination"])) for each in front["points"]]
+
+def unbeaten(points: Sequence[Combination]) -> list[Combination]:
+    """Returns the points that no other one beats in time, PSNR and style, the fastest first.
+
+    A point with another stylizer beats none without, which commands that decide the stylizer need.
+    """
+
+    def beats(a: Combination, b: Combination) -> bool:
+        of_a, of_b = ((-p.seconds, p.psnr_db, p.style_db) for p in (a, b))
+        is_as_good = all(one >= other for one, other in zip(of_a, of_b, strict=True))
+        return is_as_good and of_a != of_b and (not a.stylizer or bool(b.stylizer))
+
+    kept = [p for p in points if not any(beats(other, p) for other in points)]
+    return sorted(kept, key=lambda point: (point.seconds, point.shortfall_db))
 
 
 def joined(fronts: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -45,20 +104,17 @@ def joined(fronts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     Raises:
         ValueError: The fronts are not of one scene and one painting.
     """
-    first, second = fronts
+    first, second = sorted(fronts, key=lambda front: PRESETS.index(front["quality"]))
     if unlike := [name for name in SAME if first[name] != second[name]]:
         raise ValueError(f"the fronts differ in {', '.join(unlike)}")
     calibration = Calibration.from_json(first["calibration"])
-    points = [point for front in fronts for point in on_the_machine_of(front, calibration)]
+    points = [point for front in (first, second) for point in moved(front, calibration)]
     psnr_db, style_db = (max(getattr(p, n) for p in points) for n in ("psnr_db", "style_db"))
     points = [
         replace(p, shortfall_db=max(psnr_db - p.psnr_db, style_db - p.style_db)) for p in points
     ]
-    best = [each.combination for each in pareto_front(points, ())]
-    usual = [p.combination for p in pareto_front((p for p in points if not p.stylizer), ())]
-    served = [*best, *(p for p in usual if p not in best)]
-    changes = "; ".join(f"{front['changes']} of {front['quality']}" for front in fronts)
-    rows = [{"combination": asdict(point), "overlaps": None} for point in served]
+    changes = "; ".join(f"{front['changes']} of {front['quality']}" for front in (first, second))
+    rows = [{"combination": asdict(point), "overlaps": None} for point in unbeaten(points)]
     return {**first, "changes": changes, "points": rows}
 
 

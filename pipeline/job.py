@@ -57,7 +57,7 @@ class Job:
         inputs: The directories of the artifacts to read, by name.
         out: The directory to fill. The executor may write files beside it.
         resume: The directory of checkpoints.
-        log: The file for the output of the build.
+        log: The file for the lines that the build prints.
         lineage: The keys of the upstream records.
         timeout_seconds: The time after which the build is ended; 0 for no limit.
         memory_limit_bytes: The resident memory at which the build is ended; 0 for no limit.

@@ -59,7 +59,7 @@ def test_every_entered_figure_has_a_section_and_known_fields(entries):
     assert [entry["what"] for entry in entries if not entry["sections"]] == []
 
 
-def test_an_entered_figure_marks_a_miss_exactly_where_it_is_missed(entries):
+def test_a_miss_is_marked_in_the_figure_and_by_its_field(entries):
     wrong = [e for e in entries if e.get("missed", False) != ("**miss" in e.get("figure", ""))]
     assert [entry["what"] for entry in wrong] == []
 

@@ -3,7 +3,6 @@
 import json
 import runpy
 from dataclasses import asdict, replace
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -70,16 +69,36 @@ def test_fronts_of_two_scenes_are_not_joined(joined):
 
 def test_a_front_joined_with_itself_stays_as_it_is(joined):
     once = front("draft", FAST, POINT)
-    assert points_of(joined([once, once])) == [
-        replace(point, quality="draft") for point in (FAST, POINT)
-    ]
+    expected = [replace(point, quality="draft") for point in (FAST, POINT)]
+    found = points_of(joined([once, once]))
+    assert all(point in expected for point in found)
+    assert all(point in found for point in expected)
+
+
+def test_a_combination_that_was_beaten_in_its_own_front_may_be_in_the_joined_one(joined):
+    """Twice the iterations with the least style: beaten by less of both, until the best rose."""
+    frames = {"TrajectoryFrames": 10.0, "PriorRenders": 4.0}
+    one = replace(FAST, style="slow", style_db=0.5, stage_seconds={**FAST.stage_seconds, **frames})
+    other = replace(POINT, style="", stage_seconds={**POINT.stage_seconds, **frames,
+                    "TrajectoryFrames": 20.0})  # fmt: skip
+    (found,) = [
+        point for point in points_of(joined([front("draft", one, other)] * 2))
+        if (point.scene, point.style) == ("", "slow")
+    ][:1]  # fmt: skip
+    assert (found.psnr_db, found.style_db) == (26.0, 0.5)
+    assert found.stage_seconds == {
+        "RadianceField": 20.0, "TrajectoryFrames": 20.0, "StyleNetwork": 10.0, "PriorRenders": 8.0,
+    }  # fmt: skip
+    assert found.seconds == sum(found.stage_seconds.values())
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.json")), ids=lambda path: path.stem)
 def test_a_shipped_front_has_no_point_that_another_beats(path):
     shipped = json.loads(path.read_text())
-    points = sorted(points_of(shipped), key=lambda p: (bool(p.stylizer), p.seconds))
-    usual = [point for point in points if not point.stylizer]
+    points = points_of(shipped)
     assert {p.quality or shipped["quality"] for p in points} <= set(PRESETS)
-    for before, after in pairwise(usual):
-        assert after.shortfall_db < before.shortfall_db
+    sides = [(-p.seconds, p.psnr_db, p.style_db) for p in points]
+    for one, a in zip(points, sides, strict=True):
+        for other, b in zip(points, sides, strict=True):
+            if a != b and (not one.stylizer or other.stylizer):
+                assert not all(x >= y for x, y in zip(a, b, strict=True)), (one.scene, other.scene)

@@ -115,7 +115,7 @@ def _in_other_folders(
 
 
 def _only_ones(pairs: Iterable[tuple[str, Path]]) -> dict[str, Path]:
-    """Returns the files that have a name of their own, by these names."""
+    """Returns the files whose name no other file has, by name."""
     named = set(pairs)
     times = Counter(name for name, _ in named)
     return {name: file for name, file in named if times[name] == 1}

@@ -1,6 +1,6 @@
 """Batches of random crops of the content photographs: an endless stream, entered anywhere.
 
-Batch k depends on the seed and k alone: a resumed training sees the batches of a whole one.
+Batch k depends on the seed and k alone: a resumed training sees those of one that never stopped.
 """
 
 from collections.abc import Generator

@@ -96,7 +96,7 @@ def _cuts(singular: Sequence[Float[Tensor, " _"]]) -> list[int]:
 
 
 def _cut(ordered: TensorVM, cuts: Sequence[int]) -> TensorVM:
-    """Returns the factors without the last blocks of axis pairs, one for each time in `cuts`."""
+    """Returns the factors without the last blocks of each axis pair: as many as `cuts` names it."""
     kept = [
         min(rank, (math.ceil(rank / _BLOCK) - cuts.count(pair)) * _BLOCK)
         for pair, rank in enumerate(ordered.ranks)
@@ -152,7 +152,7 @@ def _cropped(factors: TensorVM, lower: Sequence[int], upper: Sequence[int]) -> T
 def _cropped_occupancy(
     occupied: Tensor, lower: Sequence[int], upper: Sequence[int], resolution: Sequence[int]
 ) -> Tensor:
-    """Returns the occupancy of the cropped grid; a voxel is occupied if it meets one that was."""
+    """Returns as many voxels of the cropped grid: each is occupied if it meets one that was."""
     result = occupied
     for axis, n in enumerate(resolution):
         voxels = occupied.shape[axis]

@@ -6,7 +6,7 @@ way. So with d the change of a log color in a view,
 
     spread^2 = mean of d_first d_second        over views, channels and levels of brightness
 
-is free of their disagreement, which half the mean of (d_first - d_second)^2 measures.
+is free of the disagreement of the halves, which half the mean of (d_first - d_second)^2 measures.
 The halves are the fields of a chessboard of blocks, or lie on either side of the middle along one
 of the three principal axes: sheen on a table is in both halves of some of these, but not of all,
 and those that agree least count.

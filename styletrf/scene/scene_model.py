@@ -89,7 +89,7 @@ class SceneModel:
         ]
 
 
-BOX_EXPLAINS = 0.9  # of the photographs' pixels: below, too many show the outside of the box
+BOX_EXPLAINS = 0.9  # of the photographs' pixels: below, too many show what is outside
 FINE_ENOUGH = 0.5  # octaves lost, below which a box is as good as any space
 MOST_LOSS = 0.25  # octaves by which unbounded space may lose more than a box: nothing is outside
 LEAST_POINTS = 16  # along an axis of the grid, whatever the bound on all

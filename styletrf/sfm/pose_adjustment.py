@@ -1,7 +1,7 @@
 """Adjusts poses that came with photographs, where the photographs show that they are off.
 
-Poses and lenses are adjusted by the reprojections of every other point (bundle adjustment; Triggs
-et al. 1999). The remaining points take no part and judge: the adjusted poses are used where these
+Poses and lenses are adjusted by the reprojections of some of the points (bundle adjustment; Triggs
+et al. 1999). As many others take no part and judge: the adjusted poses are used where these
 points, each placed again, fall nearer to where they are seen. So exact poses, as of a rendered
 scene, stay as they are, and a lens whose distortion the poses' format leaves out is found.
 """
@@ -20,6 +20,7 @@ _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper
 _ANGLE_ERROR_DEG = 2.0  # of a new point's rays, likewise
 _ROUGH_FRACTION = 0.03  # of the longer side: the largest error of points at poses that are far off
 _USUAL_ERROR_PX = 0.5  # of a right match; those of larger ones count for less
+_POINTS_PER_IMAGE = 150  # that adjust or judge, at most; more take longer, and agree with them
 _LEAST_GAIN = 0.02  # by which the error of points that take no part has to fall
 _SAME_FOCAL = 1e-3  # by which the two focal lengths of a pinhole may differ, as a ratio
 
@@ -87,9 +88,13 @@ def adjusted_poses(
         if better < ENOUGH_EXPLAINED:
             return AdjustedPoses(given, reasons[0])
         reasons.append(f"adjusted, they explain {better:.0%} of the matches, not {explained:.0%}")
-    fine, before, after = _adjusted_by_half(start)
+    trial, before, after = _adjusted_by_half(start)
     if after <= (1 - _LEAST_GAIN) * before:
-        start = fine
+        start = _with_cameras_of(trial, start)
+        _adjust(start, with_lenses=False, with_poses=False)
+        observed = pycolmap.ObservationManager(start)
+        observed.filter_all_points3D(_LARGEST_ERROR_PX, _LEAST_ANGLE_DEG)
+        start.update_point_3d_errors()
         where = f"{after:.2f} px from where they are seen, not {before:.2f} px"
         reasons.append(f"adjusted by half of the points, the other half is {where}")
     if start is not given:
@@ -100,25 +105,38 @@ def adjusted_poses(
 def _adjusted_by_half(
     start: pycolmap.Reconstruction,
 ) -> tuple[pycolmap.Reconstruction, float, float]:
-    """Returns the model adjusted by every other point, and the others' errors before and after."""
-    judges = sorted(start.point3D_ids())[1::2]
-    before = _error_px(_with_points_of(start, judges), judges)
-    fine, trial = pycolmap.Reconstruction(start), pycolmap.Reconstruction(start)
-    for model in (fine, trial):
-        for camera in model.cameras.values():
-            _with_distortion(camera)
-    for point in judges:
-        trial.delete_point3D(point)
+    """Returns the model adjusted by half of the points, and the others' errors before and after."""
+    points = sorted(start.point3D_ids())
+    most = max(1, _POINTS_PER_IMAGE * start.num_reg_images())
+    points = points[:: max(1, -(-len(points) // most))]
+    judging = _with_points(start, points[1::2])
+    before = _error_px(judging)
+    trial = _with_points(start, points[::2])
+    for camera in trial.cameras.values():
+        _with_distortion(camera)
     _adjust(trial, with_lenses=True)
-    for number, camera in trial.cameras.items():
-        fine.cameras[number].params = camera.params
-    for number in trial.reg_frame_ids():
-        fine.frames[number].rig_from_world = trial.frames[number].rig_from_world
-    _adjust(fine, with_lenses=False, with_poses=False)
-    after = _error_px(fine, judges)
-    pycolmap.ObservationManager(fine).filter_all_points3D(_LARGEST_ERROR_PX, _LEAST_ANGLE_DEG)
-    fine.update_point_3d_errors()
-    return fine, before, after
+    return trial, before, _error_px(_with_cameras_of(trial, judging))
+
+
+def _with_points(model: pycolmap.Reconstruction, points: Sequence[int]) -> pycolmap.Reconstruction:
+    """Returns the model with these points alone."""
+    some = pycolmap.Reconstruction(model)
+    for point in set(model.point3D_ids()) - set(points):
+        some.delete_point3D(point)
+    return some
+
+
+def _with_cameras_of(
+    adjusted: pycolmap.Reconstruction, model: pycolmap.Reconstruction
+) -> pycolmap.Reconstruction:
+    """Returns the model with the lenses and poses of another, and its own points."""
+    moved = pycolmap.Reconstruction(model)
+    for number, camera in adjusted.cameras.items():
+        moved.cameras[number].model = camera.model
+        moved.cameras[number].params = camera.params
+    for number in adjusted.reg_frame_ids():
+        moved.frames[number].rig_from_world = adjusted.frames[number].rig_from_world
+    return moved
 
 
 def _adjust(
@@ -154,21 +172,15 @@ def _with_distortion(camera: pycolmap.Camera) -> None:
         camera.params = [fx, fy, cx, cy, 0.0, 0.0, 0.0, 0.0]
 
 
-def _with_points_of(
-    model: pycolmap.Reconstruction, points: Sequence[int]
-) -> pycolmap.Reconstruction:
-    """Returns the model with these points alone, placed again as `_adjust` places them."""
+def _error_px(model: pycolmap.Reconstruction) -> float:
+    """Returns the median over points of their mean distance in pixels from where they are seen.
+
+    Each point is first placed again at the poses of the model.
+    """
     placed = pycolmap.Reconstruction(model)
-    for point in set(model.point3D_ids()) - set(points):
-        placed.delete_point3D(point)
     _adjust(placed, with_lenses=False, with_poses=False)
-    return placed
-
-
-def _error_px(model: pycolmap.Reconstruction, points: Sequence[int]) -> float:
-    """Returns the median over points of their mean distance in pixels from where they are seen."""
-    model.update_point_3d_errors()
-    return float(np.median([model.point3D(point).error for point in points]))
+    placed.update_point_3d_errors()
+    return float(np.median([point.error for point in placed.points3D.values()]))
 
 
 def _similarity(target: pycolmap.Reconstruction, model: pycolmap.Reconstruction) -> pycolmap.Sim3d:

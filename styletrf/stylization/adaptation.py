@@ -78,7 +78,7 @@ class AdaptationConfig:
 
 @dataclass(frozen=True, slots=True)
 class AdaptationCurvePoint:
-    """One row of the adaptation curve: without the size of the grid, which is fixed here."""
+    """One row of the adaptation curve; the grid has one size, so no column has it."""
 
     iteration: int
     seconds: float

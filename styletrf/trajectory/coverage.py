@@ -41,7 +41,7 @@ class CoverageConfig:
         require_at_least(1, self, "times")
         require_within("(0, 1]", self, "share")
         require_within("[0, 1]", self, "once")
-        require_at_least(16, self, "depth_px")  # fewer miss surfaces that hide places
+        require_at_least(16, self, "depth_px")  # fewer pixels miss what hides a place
         require_within("[0, inf)", self, "tolerance")
 
 

@@ -22,8 +22,9 @@ def with_present_names(family: str, settings: Mapping[str, Any]) -> Mapping[str,
     A former name whose present one is given as well stays, for `require_one_name` to refuse.
     """
     names = {name: _present_name(family, name) for name in settings}
+    given = {_field(name) for name in settings}
     for former, present in names.items():
-        if former != present and present in settings:
+        if former != present and _field(present) in given:
             names[former] = former
         elif former != present:
             _warn_of_former_name(family, former, present)
@@ -40,6 +41,10 @@ def require_one_name(family: str, settings: Mapping[str, Any]) -> None:
         if (present := _present_name(family, former)) != former:
             problem = f"is the former name of {present}, which is given as well"
             raise InputError(f"setting {former!r} of {family}", problem, f"Give {present} only")
+
+
+def _field(name: str) -> str:
+    return name.partition(".")[0]
 
 
 def _present_name(family: str, name: str) -> str:

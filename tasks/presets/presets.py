@@ -87,6 +87,7 @@ _TABLE: dict[str, dict[str, tuple[Any, Any, Any]]] = {
         "render.termination": (1e-2, 3e-3, 1e-3),
         "render.min_weight": (1e-2, 5e-3, 1e-3),
         "perceptual_px": (252, 504, 504),
+        "aligned": (False, True, True),
     },
     "ConsistencyMetrics": {
         "pairs": (8, 12, 12),

@@ -2,7 +2,7 @@
 
 The front is that measured for the scene (`TradeOff`, in `out/SCENE/trade-off/`), or else the one
 shipped of a scene whose space is of the same kind: `ndc`, `box` or `unbounded`. A budget that has
-time for the default quality gets that quality, although no front has it
+time for the default quality as it is gets that quality
 (`docs/decisions/0069-a-budget-may-buy-the-default-quality.md`).
 """
 
@@ -54,18 +54,20 @@ class Front:
     scaled_from: tuple[str, Combination] | None = None
 
     def offers(self) -> "list[Front]":
-        """Returns what a budget may buy: the default quality if it is above the front, the front.
+        """Returns what a budget may buy: the default quality, and the front.
 
-        The default quality is a front of one point, whose time is predicted from the best one of
-        this front.
+        The default quality is a front of one point, whose time is predicted from the best point of
+        this front, at the default quality where it has such points. A front that is swept around
+        it, or contains it as it is, is offered alone.
         """
-        if PRESETS.index(self.quality) >= PRESETS.index(DEFAULT_QUALITY):
+        same = [point for point in self.points if self.quality_of(point) == DEFAULT_QUALITY]
+        is_contained = any(not (point.tuning or point.stylizer) for point in same)
+        if is_contained or PRESETS.index(self.quality) >= PRESETS.index(DEFAULT_QUALITY):
             return [self]
-        best = min(self.points, key=lambda point: point.shortfall_db)
+        best = min(same or self.points, key=lambda p: (bool(same and p.stylizer), p.shortfall_db))
         default_quality = replace(
             self,
-            description="the default quality, with a time predicted from"
-            f" {self.description}, which does not contain it",
+            description=f"the default quality, with a time predicted from {self.description}",
             quality=DEFAULT_QUALITY,
             points=(UNMEASURED,),
             longer=_LONGER,
@@ -143,7 +145,7 @@ def read_front(path: Path, name: str) -> Front:
 def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
     """Returns the requested point of a front: the best in time, or the fastest within.
 
-    In time, the default quality is better than all points of a front of a lower one.
+    In time, the default quality as it is is better than all points of a front of a lower one.
 
     Raises:
         InputError: No point of that front meets the bound; of a time, it names the nearest.
@@ -153,10 +155,15 @@ def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
         timed = [replace(point, seconds=timing(front, point)) for point in good]
         return Choice(front, request.fastest_of(timed))
     for offer in front.offers():
-        for point in sorted(offer.points, key=lambda point: point.shortfall_db):
+        for point in sorted(offer.points, key=_by_quality):
             if offer.longer * (seconds := timing(offer, point)) <= request.budget_s:
                 return Choice(offer, replace(point, seconds=seconds))
     raise request.unreachable(min(timing(front, point) for point in front.points))
+
+
+def _by_quality(point: Combination) -> tuple[float, float]:
+    """Returns a key that sorts the best first: the lesser side decides, and both among equals."""
+    return point.shortfall_db, -(point.psnr_db + point.style_db)
 
 
 def require_reachable(request: QualityRequest, fronts: Sequence[Front], timing: Timing) -> None:

@@ -131,17 +131,31 @@ def test_the_named_test_runs_the_commands(file: str, name: str) -> None:
 
 
 def _used_by(file: str, name: str) -> Iterator[str]:
-    """Yields the strings in a test, what its file imports, and the strings of its helpers."""
+    """Yields the strings of a test, the modules that it uses, and the strings of its helpers."""
     syntax = syntax_of(ROOT / file)
-    (test,) = (n for n in syntax.body if isinstance(n, ast.FunctionDef) and n.name == name)
-    for node in ast.walk(test):
+    functions = {n.name: n for n in syntax.body if isinstance(n, ast.FunctionDef)}
+    nodes, known = list(ast.walk(functions[name])), {name}
+    for node in nodes:  # the list grows: by the functions of the file that the test names
+        used = getattr(node, "id", getattr(node, "arg", None))
+        if used in functions and used not in known:
+            known.add(used)
+            nodes += ast.walk(functions[used])
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
             yield from re.findall(r'"(\w+)"', node.value)  # the code of another process
-    for module in modules_imported(ast.walk(syntax)):
+    names = {getattr(node, "id", getattr(node, "arg", None)) for node in nodes}
+    used_imports = [n for n in ast.walk(syntax) if n in nodes or _bound_by(n) & names]
+    for module in modules_imported(used_imports):
         yield module
         helper = (ROOT / file).parent / "support" / f"{module}.py"
         yield from strings_of(helper) if helper.is_file() else ()
+
+
+def _bound_by(node: ast.AST) -> set[str]:
+    """Returns the names that an import binds; none of another statement."""
+    if not isinstance(node, ast.Import | ast.ImportFrom):
+        return set()
+    return {each.asname or each.name.partition(".")[0] for each in node.names}
 
 
 def test_a_table_says_why_no_test_runs_the_others() -> None:

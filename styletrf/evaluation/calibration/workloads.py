@@ -1,6 +1,6 @@
 """Reference workloads, one for each kind of stage: poses, field and style network.
 
-Each is a fixed piece of the minutes of work of its stages, on images drawn from a fixed seed. The
+Each is a fixed piece of what its stages compute for minutes, on images drawn from a seed. The
 ratio of its seconds on two machines is the ratio that the stages of its kind are assumed to have.
 All workloads take a few seconds; kernels that were never compiled here add up to a minute, once.
 """

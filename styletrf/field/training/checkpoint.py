@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class FieldCurvePoint:
     """One row of the training curve, with the size of a grid that grows while it is fitted.
 
-    The rows of each training are its own columns in `curve.parquet` (`write_curve`).
+    The columns of `curve.parquet` are these fields but for the seconds (`write_curve`).
     """
 
     iteration: int

@@ -20,7 +20,7 @@ _OLD_NAME = "style_training.safetensors"
 
 @dataclass(frozen=True, slots=True)
 class StyleCurvePoint:
-    """The loss of one iteration: its weighted terms and their sum, where a fit has one PSNR."""
+    """The loss of one iteration: its weighted terms and their sum. A fit has a PSNR instead."""
 
     iteration: int  # from 1
     loss: float

@@ -74,7 +74,7 @@ def render_view(
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Float[np.ndarray, "height width"]]:
     """Returns the photograph and the depth Z of a camera anywhere in the configured courtyard.
 
-    The size is the camera's; only the objects of the configuration matter.
+    The size is the camera's; of the configuration, seed, gloss and kind matter.
     """
     light, depth = render_linear(lit_scene(config), camera)
     return developed(light), depth.astype(np.float32)

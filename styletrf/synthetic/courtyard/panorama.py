@@ -19,7 +19,7 @@ def render_panorama(
     """Returns the view all around, `width` pixels wide and half as high (sRGB).
 
     The panorama's axes are x right, y down, z ahead; z is in the middle, see
-    `styletrf.capture.panorama.panorama_views`. Only the objects of the configuration matter.
+    `styletrf.capture.panorama.panorama_views`. Of the configuration, seed, gloss and kind matter.
     """
     scene = lit_scene(config)
     edges = np.linspace(0, width // 2, _STRIPS + 1).astype(int)

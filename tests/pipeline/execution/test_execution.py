@@ -17,7 +17,7 @@ from small_disk import small_disk
 from store_toys import NO_WORD, Fills, Slow, Surroundings, Word, built
 
 from pipeline.errors import StoreError, TaskFailure, describe_error, is_disk_full
-from pipeline.execution.environment import build_settings
+from pipeline.execution.environment import SPIN_COUNT, build_settings
 from pipeline.settings import current_store
 from pipeline.task import artifact
 
@@ -47,6 +47,7 @@ def test_a_build_has_the_settings_for_threads_that_wait_and_for_freed_memory(mon
     Surroundings().run()
     variables = json.loads((artifact(Surroundings()) / "environment.json").read_text())
     assert build_settings({}).items() <= variables.items()
+    assert int(variables[SPIN_COUNT]) < 100_000, "a count of seconds would be some 1e9"
 
 
 def test_a_killed_build_goes_on_from_its_checkpoint(toys):

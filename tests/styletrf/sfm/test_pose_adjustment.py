@@ -81,6 +81,16 @@ def test_disturbed_poses_are_recovered_in_the_frame_they_came_in(tmp_path, angle
     assert np.linalg.norm(centers - true[:, :, 3], axis=1).max() < 2 * fraction * extent
 
 
+def test_of_many_points_some_adjust_and_judge(tmp_path, monkeypatch):
+    """The poses of 62 photographs took 7 s to be adjusted by all of theirs."""
+    monkeypatch.setattr(pose_adjustment, "_POINTS_PER_IMAGE", 50)
+    true = room_poses(VIEWS)
+    report, cameras = solved(tmp_path, PINHOLE, disturbed(true, 0.5, 0.02))
+    assert "adjusted" in report.mapper_reason
+    assert report.points > 50 * VIEWS, "and all of them stay"
+    assert relative_error_deg(cameras, true) < 0.1
+
+
 def test_the_sums_of_an_adjustment_have_one_order(monkeypatch):
     """Of large captures several threads made them, and each run had other poses."""
     threads = []

@@ -81,6 +81,13 @@ def test_a_bound_on_quality_is_served_by_the_front_alone():
     assert choice.front == FRONT
 
 
+def test_of_points_that_fall_short_alike_a_budget_buys_the_better_one_on_the_other_side():
+    """The scene decided, and the poorest style was bought whatever time was left."""
+    points = [replace(GOOD, style=name, style_db=db) for name, db in (("least", -9.0), ("", -5.0))]
+    request = quality_request("draft", "10min")
+    assert choose(request, replace(FRONT, points=points), as_there).point == points[1]
+
+
 PAINTED = replace(FAST, style="painted", stylizer="arbitrary", shortfall_db=0.9, seconds=50.0)
 
 
@@ -98,12 +105,12 @@ def test_a_point_is_made_with_its_stylizer_and_the_choice_is_remembered(monkeypa
     assert task.at_point(FRONT, GOOD).stylizer == task.stylizer
 
 
-def test_a_point_of_another_quality_is_made_at_that_and_the_choice_is_remembered():
+@pytest.mark.parametrize("tuning", [{}, {"RadianceField": {"steep_gain_db": 0.0}}])
+def test_a_point_of_another_quality_is_made_at_that_and_the_choice_is_remembered(tuning):
     """Fronts around `draft` and `standard` are joined; both have points without a change."""
     calibrated(1.0)
     task, request = mini(budget="400s"), quality_request("draft", "400s")
-    exact = {"RadianceField": {"steep_gain_db": 0.0}}
-    best = replace(GOOD, quality="standard", tuning=exact, seconds=390.0)
+    best = replace(GOOD, quality="standard", tuning=tuning, seconds=390.0)
     front = replace(FRONT, points=(FAST, replace(GOOD, shortfall_db=0.4), best))
     choice = choose(request, front, lambda f, p: p.seconds if f is front else 1e9)
     assert choice.point == best
