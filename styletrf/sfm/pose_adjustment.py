@@ -20,7 +20,7 @@ _LARGEST_ERROR_PX, _LEAST_ANGLE_DEG = 4.0, 1.5  # of a point, as COLMAP's mapper
 _ANGLE_ERROR_DEG = 2.0  # of a new point's rays, likewise
 _ROUGH_FRACTION = 0.03  # of the longer side: the largest error of points at poses that are far off
 _USUAL_ERROR_PX = 0.5  # of a right match; those of larger ones count for less
-_POINTS_PER_IMAGE = 150  # that adjust or judge, at most; more take longer, and agree with them
+_POINTS_PER_IMAGE = 300  # that adjust or judge, at most; more take longer, and agree with them
 _LEAST_GAIN = 0.02  # by which the error of points that take no part has to fall
 _SAME_FOCAL = 1e-3  # by which the two focal lengths of a pinhole may differ, as a ratio
 
