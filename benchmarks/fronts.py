@@ -4,12 +4,13 @@ Each is the `front.json` of `TradeOff` of one scene and one painting, around ano
 have photographs of one size, so that their PSNR compare. Each variant of the scene in a front is
 combined with each of the style, because a combination that was beaten in its front may not be in
 the joined one. The points get the quality that they change, the seconds of the machine and the day
-of the lower quality's sweep, and the shortfall from the best of both; points that another one beats
-in time, PSNR and style are left out.
+of the lower quality's sweep, and the shortfall from the best of both. The points are left out that
+a faster one beats.
 """
 
 import argparse
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Any
 from styletrf.evaluation.trade_off import FOLLOWING_FRAMES, Combination, Tuning, merged
 from tasks.machine.calibration import Calibration
 from tasks.presets.presets import PRESETS
+from tasks.presets.quality_choice import by_quality
 from tasks.summary.trade_off_measurements import SCENE
 
 SAME = ("scene", "style", "space", "photographs")
@@ -84,18 +86,20 @@ def moved(front: dict[str, Any], calibration: Calibration) -> Iterator[Combinati
 
 
 def unbeaten(points: Sequence[Combination]) -> list[Combination]:
-    """Returns the points that no other one beats in time, PSNR and style, the fastest first.
+    """Returns the points that a bound on time or quality may choose, the fastest first.
 
-    A point with another stylizer beats none without, which commands that decide the stylizer need.
+    Each is better than all faster ones, or than those without another stylizer if it has none:
+    commands that decide the stylizer choose among these.
     """
-
-    def beats(a: Combination, b: Combination) -> bool:
-        of_a, of_b = ((-p.seconds, p.psnr_db, p.style_db) for p in (a, b))
-        is_as_good = all(one >= other for one, other in zip(of_a, of_b, strict=True))
-        return is_as_good and of_a != of_b and (not a.stylizer or bool(b.stylizer))
-
-    kept = [p for p in points if not any(beats(other, p) for other in points)]
-    return sorted(kept, key=lambda point: (point.seconds, point.shortfall_db))
+    kept: list[Combination] = []
+    best = {True: (math.inf, math.inf), False: (math.inf, math.inf)}
+    for point in sorted(points, key=lambda point: (point.seconds, by_quality(point))):
+        has_other = bool(point.stylizer)
+        if by_quality(point) < best[has_other]:
+            kept.append(point)
+            best[True] = min(best[True], by_quality(point))
+            best[False] = best[False] if has_other else by_quality(point)
+    return kept
 
 
 def joined(fronts: Sequence[dict[str, Any]]) -> dict[str, Any]:

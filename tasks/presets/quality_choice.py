@@ -155,13 +155,13 @@ def choose(request: QualityRequest, front: Front, timing: Timing) -> Choice:
         timed = [replace(point, seconds=timing(front, point)) for point in good]
         return Choice(front, request.fastest_of(timed))
     for offer in front.offers():
-        for point in sorted(offer.points, key=_by_quality):
+        for point in sorted(offer.points, key=by_quality):
             if offer.longer * (seconds := timing(offer, point)) <= request.budget_s:
                 return Choice(offer, replace(point, seconds=seconds))
     raise request.unreachable(min(timing(front, point) for point in front.points))
 
 
-def _by_quality(point: Combination) -> tuple[float, float]:
+def by_quality(point: Combination) -> tuple[float, float]:
     """Returns a key that sorts the best first: the lesser side decides, and both among equals."""
     return point.shortfall_db, -(point.psnr_db + point.style_db)
 
