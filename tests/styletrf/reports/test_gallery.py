@@ -225,7 +225,9 @@ SEARCHED = """
 def test_names_are_found_however_their_accents_are_stored_and_typed(tmp_path: Path):
     """macOS stores letters and accents apart, and no keyboard types them so."""
     forms = [unicodedata.normalize(form, "Caf\u00e9") for form in ("NFC", "NFD")]
-    write_gallery(tmp_path / "index.html", [Cell(form, "x", has_report=True) for form in forms])
+    cells = [Cell(form, "x", has_report=True) for form in forms]
+    with_files(tmp_path, cells)
+    write_gallery(tmp_path / "index.html", cells)
     probe = SEARCHED.replace("TYPED", json.dumps([*forms, "other"]))
     answer = answer_of(tmp_path / "index.html", probe, 1280)
     assert (answer["errors"], answer["found"]) == ([], [2, 2, 0])
