@@ -42,7 +42,7 @@ def capture_warnings(
         *(f"left out: {problem}" for problem in problems),
         *_of_other_files(folder, videos),
         *_of_repeated(repeated),
-        *_of_masks(folder, masks),
+        *warnings_of_masks(masks, "photograph"),
         *_of_panoramas(*panoramas),
         *_of_poses(folder, given),
     ]
@@ -50,9 +50,9 @@ def capture_warnings(
 
 def _of_other_files(folder: Path, videos: Sequence[Path]) -> Iterator[str]:
     if dangling := [path.name for path in dangling_links(folder)]:
-        yield f"links that lead nowhere: {_listed(dangling)}"
+        yield f"links that lead nowhere: {listed(dangling)}"
     if foreign := [path.name for path in files_below(folder, FOREIGN_SUFFIXES)]:
-        yield f"passed over, to be converted first: {_listed(foreign)}"
+        yield f"passed over, to be converted first: {listed(foreign)}"
     shots = {(file.parent, file.stem.casefold()) for file in photographs_below(folder)}
     clips = [
         path.name
@@ -60,18 +60,24 @@ def _of_other_files(folder: Path, videos: Sequence[Path]) -> Iterator[str]:
         if (path.parent, path.stem.casefold()) not in shots
     ]
     if clips:  # but not those that phones store with each photograph
-        yield f"passed over, since there are photographs: {_listed(clips)}"
+        yield f"passed over, since there are photographs: {listed(clips)}"
 
 
 def _of_repeated(files: Sequence[Path]) -> Iterator[str]:
     if files:
-        names = _listed([file.name for file in files])
+        names = listed([file.name for file in files])
         yield f"left out, since another file shows the same: {names}"
 
 
-def _of_masks(folder: Path, masks: FoundMasks) -> Iterator[str]:
-    if names := [str(mask.relative_to(folder.parent)) for mask in masks.unused]:
-        yield f"masks that fit no photograph (docs/captures.md): {_listed(names)}"
+def warnings_of_masks(masks: FoundMasks, masked: str) -> Iterator[str]:
+    """Yields a line that names the masks that fit nothing, if there are any.
+
+    Args:
+        masks: Those found for the photographs or clips.
+        masked: What they are found for, such as `photograph`.
+    """
+    if names := [str(mask.relative_to(masks.folder.parent)) for mask in masks.unused]:
+        yield f"masks that fit no {masked} (docs/captures.md): {listed(names)}"
 
 
 def _of_panoramas(count: int, of_all: int) -> Iterator[str]:
@@ -89,12 +95,13 @@ def _of_poses(folder: Path, given: GivenPoses | None) -> Iterator[str]:
         below = [path for path in below if path.parent == folder]  # published splits leave some out
     others = [str(path.relative_to(folder)) for path in below if path.resolve() not in used]
     if given.missing:
-        yield f"{given.name} names photographs that are missing: {_listed(given.missing)}"
+        yield f"{given.name} names photographs that are missing: {listed(given.missing)}"
     if others:
-        yield f"{given.name} has no poses of: {_listed(others)}"
+        yield f"{given.name} has no poses of: {listed(others)}"
 
 
-def _listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
+    """Returns the first ten names in natural order, and how many more there are."""
     ordered = sorted(names, key=natural_order)
     more = len(ordered) - _MOST_NAMES
     return ", ".join(ordered[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -1,14 +1,16 @@
-"""Finds the mask of each photograph.
+"""Finds the mask of each photograph, and of each clip.
 
 The mask of `images/walk/1.jpg` is `masks/walk/1.png` or `masks/walk/1.jpg.png`. The folder `masks`
 is beside `images` or in it, or beside the photograph itself. Suffixes may be in upper or lower
 case. If the masks have no folders, or the photographs have none, the name alone decides. Then only
 one photograph may have this name, and no photograph may be in the folder that the mask's path
 names.
+
+The mask of a clip has such a name, too. It is a video, or a folder of PNG files.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from styletrf.capture.masks import MASKS
 from styletrf.capture.photograph_names import composed
 from styletrf.capture.photographs import (
     PHOTOGRAPH_SUFFIXES,
+    VIDEO_SUFFIXES,
     is_of_scene,
     path_below,
     require_readable_name,
@@ -23,18 +26,30 @@ from styletrf.capture.photographs import (
 from styletrf.files.linked_folders import walk
 
 _PNG = ".png"
+_SUFFIXES = PHOTOGRAPH_SUFFIXES | VIDEO_SUFFIXES
+
+Masked = tuple[Path, Path]
+"""A mask, which is a file or a folder, and the name of what it masks."""
 
 
 @dataclass(frozen=True, slots=True)
 class FoundMasks:
-    """The masks of a scene by their photographs, and those that fit none."""
+    """The masks of a scene by their photographs or clips, and the files that fit none.
 
-    by_photograph: Mapping[Path, Path]
+    `files` are all files of masks; `folder` is that of the photographs or clips.
+    """
+
+    folder: Path
+    files: tuple[Path, ...]
+    by_picture: Mapping[Path, Path]
     unused: tuple[Path, ...]
 
 
+NO_MASKS = FoundMasks(Path(), (), {}, ())
+
+
 def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
-    """Returns the masks of photographs, and those that fit none.
+    """Returns the masks of photographs, each a PNG file, and those that fit none.
 
     Args:
         photographs: The folder of the photographs.
@@ -43,14 +58,35 @@ def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
     Raises:
         InputError: The path of a mask below its folder is not in UTF-8.
     """
-    masks = mask_files(photographs)
-    masked = {mask: name for mask, place in masks.items() if (name := _masked(place))}
-    names = {file: _mask_names(path_below(photographs, file)) for file in files}
-    found = _in_own_folders(masked, names)
-    left = {mask: name for mask, name in masked.items() if mask not in found.values()}
+    return _found(photographs, files, _of_photograph)
+
+
+def find_clip_masks(folder: Path, clips: Sequence[Path]) -> FoundMasks:
+    """Returns the masks of clips, each a video or a folder of PNG files, and what fits no clip.
+
+    Args:
+        folder: That of the clips, or that of the scene if its one clip lies beside it.
+        clips: All clips of the scene.
+
+    Raises:
+        InputError: The path of a mask below its folder is not in UTF-8.
+    """
+    return _found(folder, clips, _of_clip)
+
+
+def _found(
+    folder: Path, files: Sequence[Path], masked_by: Callable[[Path, Path], Masked | None]
+) -> FoundMasks:
+    masks = mask_files(folder)
+    masked = {mask: fits for mask, place in masks.items() if (fits := masked_by(mask, place))}
+    whole = dict(masked.values())
+    names = {file: _mask_names(path_below(folder, file)) for file in files}
+    found = _in_own_folders(whole, names)
+    left = {mask: name for mask, name in whole.items() if mask not in found.values()}
     found = _in_other_folders(left, names) | found
-    used = set(found.values())
-    return FoundMasks(found, tuple(mask for mask in masks if mask not in used))
+    taken = set(found.values())
+    used = {mask for mask, (one, _) in masked.items() if one in taken}
+    return FoundMasks(folder, tuple(masks), found, tuple(m for m in masks if m not in used))
 
 
 def mask_files(photographs: Path) -> dict[Path, Path]:
@@ -68,7 +104,7 @@ def mask_files(photographs: Path) -> dict[Path, Path]:
         for mask in sorted(files, key=lambda path: (path.suffix != _PNG, path)):
             place = mask.relative_to(folder)
             is_hidden = any(part.startswith(".") for part in place.parts)
-            if not is_hidden and mask.suffix.lower() in PHOTOGRAPH_SUFFIXES and mask.is_file():
+            if not is_hidden and mask.suffix.lower() in _SUFFIXES and mask.is_file():
                 require_readable_name(str(place))
                 found[mask] = base / place
     return found
@@ -126,12 +162,20 @@ def _mask_names(place: Path) -> list[Path]:
     return [_compared(place.with_suffix("")), _compared(place)]
 
 
-def _masked(place: Path) -> Path | None:
-    """Returns the one of these names that a mask has; None where it is not a PNG."""
-    return _compared(place.with_suffix("")) if place.suffix.lower() == _PNG else None
+def _of_photograph(mask: Path, place: Path) -> Masked | None:
+    """Returns a file, and the one of these names that it has; None where it is not a PNG."""
+    return (mask, _compared(place.with_suffix(""))) if place.suffix.lower() == _PNG else None
+
+
+def _of_clip(mask: Path, place: Path) -> Masked | None:
+    """Returns a video, or the folder of a PNG, and its name; None where it is neither."""
+    if place.suffix.lower() in VIDEO_SUFFIXES:
+        return mask, _compared(place.with_suffix(""))
+    is_in_folder = place.suffix.lower() == _PNG and mask.parent.name.casefold() != MASKS
+    return (mask.parent, _compared(place.parent)) if is_in_folder else None
 
 
 def _compared(path: Path) -> Path:
-    """Returns a name as it is typed, and an image's suffix in lower case."""
+    """Returns a name as it is typed, and the suffix of a picture in lower case."""
     path, suffix = Path(composed(str(path))), path.suffix.lower()
-    return path.with_suffix(suffix) if suffix in PHOTOGRAPH_SUFFIXES else path
+    return path.with_suffix(suffix) if suffix in _SUFFIXES else path

@@ -94,7 +94,7 @@ def capture_photographs(
     )
     _require_enough(folder, len(examined), len(files), problems)
     found = find_masks(folder, list(dict.fromkeys([*taken, *photographs_below(folder)])))
-    masks = found.by_photograph
+    masks = found.by_picture
     again = [] if given else _repeated(examined, masks.keys())
     examined = {file: one for file, one in examined.items() if file not in again}
     if len(examined) < FEWEST_PHOTOGRAPHS:

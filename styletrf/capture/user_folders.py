@@ -8,7 +8,7 @@ from collections.abc import Iterable, Set
 from pathlib import Path
 
 from styletrf.capture.known_scenes import download_instructions
-from styletrf.capture.mask_files import mask_files
+from styletrf.capture.mask_files import NO_MASKS, FoundMasks, find_clip_masks, mask_files
 from styletrf.capture.photograph_names import composed
 from styletrf.capture.photographs import (
     FEWEST_PHOTOGRAPHS,
@@ -44,10 +44,9 @@ def find_scene(data_root: Path, name: str) -> Path:
 
     Raises:
         InputError: The name is not one of a plain folder or is `images`, several videos beside each
-            other or beside a folder of them share it, a video has masks, which would not count, the
-            folder holds no photograph, the name of a picture is not in UTF-8, or there is no such
-            scene; it lists the scenes that exist and, for a well-known public one, says where to
-            get it.
+            other or beside a folder of them share it, the folder holds no photograph, the name of
+            a picture is not in UTF-8, or there is no such scene; it lists the scenes that exist
+            and, for a well-known public one, says where to get it.
     """
     _check_name("scene", name)
     if name == "images":  # `scene_folder` would be that of all scenes
@@ -105,10 +104,6 @@ def _found_videos(scenes: Path, folder: Path, name: str) -> Path | None:
         raise InputError(f"scene {name!r}", f"has several videos: {names}", remedy)
     if not beside and not inside:
         return None
-    if masks := sorted(mask_files(folder)):
-        problem = f"is a video, and no frame can be masked, as {masks[0]} is to do"
-        remedy = "Move the masks elsewhere, or give frames of the video as photographs with masks"
-        raise InputError(f"scene {name!r}", problem, remedy)
     return folder if len(inside) > 1 else (beside or inside)[0]
 
 
@@ -174,8 +169,19 @@ def skipped_videos(data_root: Path, name: str) -> list[Path]:
     return [*files_below(own, VIDEO_SUFFIXES), *_videos_beside(scenes, name)]
 
 
+def masks_of_videos(data_root: Path, name: str) -> FoundMasks:
+    """Returns the masks of a scene that is read from its videos; none of one with photographs.
+
+    Raises:
+        InputError: As `find_scene` does, or the path of a mask is not in UTF-8.
+    """
+    if not (videos := scene_videos(find_scene(data_root, name))):
+        return NO_MASKS
+    return find_clip_masks(folder_of_pictures(_scene_named(data_root / "scenes", name)), videos)
+
+
 def scene_files(found: Path) -> list[Path]:
-    """Returns all files of a scene that `find_scene` found: photographs, masks and poses.
+    """Returns the files of a scene that `find_scene` found: photographs, masks, poses; or videos.
 
     Raises:
         InputError: There are too few photographs, poses name one outside the scene's folder, or a
@@ -194,8 +200,10 @@ def _photographs_and_poses(found: Path) -> list[Path]:
     poses += colmap_files(folder)
     if any(path.suffix == ".json" for path in poses):  # which names photographs anywhere below
         images = sorted(_of_suffix(walk_files(folder), PHOTOGRAPH_SUFFIXES))
-        return list(dict.fromkeys([*images, *transforms_photographs(folder), *poses]))
-    return list(dict.fromkeys([*list_photographs(found), *mask_files(found), *poses]))
+        photographs = [*images, *transforms_photographs(folder)]
+    else:
+        photographs = list_photographs(found)
+    return list(dict.fromkeys([*photographs, *mask_files(found), *poses]))
 
 
 def find_style(data_root: Path, name: str) -> Path:

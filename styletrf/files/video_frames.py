@@ -190,6 +190,16 @@ def declared_frames(path: Path) -> int:
         return round(duration_s * float(stream.average_rate or 0))
 
 
+def decodable_frames(path: Path) -> int:
+    """Returns how many frames `timed_frames` yields, by decoding all of them.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        return sum(1 for _ in _decodable(container))
+
+
 def _decodable(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
     """Yields the undamaged frames up to where the file can be read no further."""
     with suppress(av.FFmpegError):

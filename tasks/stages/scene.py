@@ -21,12 +21,13 @@ class SceneCapture(ConfigurableStage):
     tools = ("av", "opencv-contrib-python-headless", "pycolmap")
 
     def external_digests(self) -> Mapping[str, str]:
-        """Returns the digest of each photograph and file of poses, or of each video.
+        """Returns the digest of each photograph, file of poses and video, and of their masks.
 
         Warnings name photographs and videos that are skipped, so they are in it as well.
         """
         from styletrf.capture.user_folders import (
             find_scene,
+            masks_of_videos,
             scene_files,
             scene_folder,
             skipped_photographs,
@@ -36,6 +37,8 @@ class SceneCapture(ConfigurableStage):
         found, scenes = find_scene(data_root(), self.scene), data_root() / "scenes"
         below = scene_folder(found)
         digests = {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
+        for path in masks_of_videos(data_root(), self.scene).files:
+            digests[f"masks/{path.relative_to(scenes)}"] = file_digest(path)
         for path in skipped_photographs(data_root(), self.scene):
             digests[f"skipped/{path.relative_to(scenes)}"] = file_digest(path)
         for path in skipped_videos(data_root(), self.scene):  # large: only the name is used

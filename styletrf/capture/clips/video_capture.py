@@ -4,13 +4,14 @@
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import closing
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from styletrf.capture.capture_file import Capture, Photograph, write_capture
+from styletrf.capture.capture_warnings import listed, warnings_of_masks
+from styletrf.capture.clips.clip_masks import require_masks_of_clips
 from styletrf.capture.clips.clip_survey import clip_warnings
 from styletrf.capture.clips.frame_choice import chosen_frames
 from styletrf.capture.clips.frame_motion import (
@@ -19,8 +20,9 @@ from styletrf.capture.clips.frame_motion import (
     frame_motion,
     joined_motion,
 )
+from styletrf.capture.clips.frame_writing import decoded_frames, written_frames
 from styletrf.capture.left_out import left_out, names_of_frame
-from styletrf.capture.panorama.panorama_capture import cut_photographs
+from styletrf.capture.mask_files import NO_MASKS, FoundMasks
 from styletrf.capture.panorama.panorama_views import DIRECTIONS
 from styletrf.capture.panorama.panoramas import (
     Choice,
@@ -29,23 +31,19 @@ from styletrf.capture.panorama.panoramas import (
     require_all_directions,
     show_panoramas,
 )
-from styletrf.capture.photograph_file import write_photograph
 from styletrf.capture.photograph_names import distinct, shortened
 from styletrf.capture.photographs import FEWEST_PHOTOGRAPHS
 from styletrf.errors import InputError
 from styletrf.files.video_frames import (
-    Frame,
     TimedFrame,
     declared_duration_s,
     first_frame,
     timed_frames,
     video_info,
 )
-from styletrf.prefetch import in_background, prefetch
 from styletrf.progress import Progress, silent
 
 _LOOKED_AT, _EVERY = 10, 30  # frames that decide whether a clip is of panoramas
-_WRITERS, _AHEAD = 2, 3  # threads that write frames while the next are decoded
 
 
 def capture_videos(
@@ -56,20 +54,24 @@ def capture_videos(
     panoramas: Choice = "auto",
     leave_out: Sequence[str] = (),
     skipped: Sequence[str] = (),
+    masks: FoundMasks = NO_MASKS,
 ) -> Capture:
     """Writes at most `count` frames of a scene's videos as `images/*.png`, and `capture.json`.
 
     Frames of a single video are named `0001` and so on, those of several `NAME_0001`. Each has its
     clip, its time there and the number of cuts before it. Frames that are panoramas are replaced by
     views cut from them, and each view counts. Of the frames that were chosen those named by
-    `leave_out` are not written (see `styletrf.capture.left_out`); the others keep their names. A
-    warning names the photographs beside the videos that are `skipped`.
+    `leave_out` are not written (see `styletrf.capture.left_out`), nor those that `masks` cover
+    completely; the others keep their names, and their masks are `masks/<name>.png`. A warning names
+    the photographs beside the videos that are `skipped`.
 
     Raises:
-        InputError: A file is no video, its pictures change their shape or keep still, there are
-            fewer than three frames to choose from or left, or nothing to leave out by such a name.
+        InputError: A file is no video, its pictures change their shape or keep still, a mask does
+            not fit its clip, there are fewer than three frames to choose from or left, or nothing
+            to leave out by such a name.
     """
     cut = {video for video in videos if _is_panorama(video, panoramas)}
+    require_masks_of_clips(masks.by_picture)
     motions = [frame_motion(_followed(video, progress)) for video in videos]
     views = [len(DIRECTIONS) if video in cut else 1 for video in videos]
     most, chosen = _most_frames(motions, views, count)
@@ -77,18 +79,22 @@ def capture_videos(
     _require_enough(videos, total, "Film longer, or ask for more frames")
     taken = _not_left_out(_named(videos, chosen), leave_out)
     _require_enough(videos, sum(map(len, taken)), "Leave out fewer")
-    (out_dir / "images").mkdir(parents=True, exist_ok=True)
     photographs = [
         kept
         for video, clip, motion, names in zip(
             videos, _clip_names(videos), motions, taken, strict=True
         )
-        for kept in _written(
-            _photographs(video, clip, motion, names), out_dir, is_panorama=video in cut
+        for kept in written_frames(
+            decoded_frames(video, clip, motion, names, masks.by_picture.get(video)),
+            out_dir,
+            is_panorama=video in cut,
         )
     ]
+    hidden = _hidden(taken, photographs) if masks.by_picture else []
+    _require_enough(videos, sum(map(len, taken)) - len(hidden), "Leave more of the masks white")
     warnings = [
         *_input_warnings(videos, cut, skipped),
+        *_mask_warnings(masks, hidden),
         *_warnings(videos, motions, chosen, most),
     ]
     capture = Capture(tuple(photographs), tuple(warnings))
@@ -193,36 +199,15 @@ def _not_left_out(
     return [{i: name for i, name in names.items() if name not in gone} for names in named]
 
 
+def _hidden(taken: Sequence[Mapping[int, str]], kept: Sequence[Photograph]) -> list[str]:
+    """Returns the names of the frames that were taken, and of which nothing is kept."""
+    seen = {photograph.panorama or photograph.name for photograph in kept}
+    return [name for names in taken for name in names.values() if name not in seen]
+
+
 def _clip_names(videos: Sequence[Path]) -> list[str]:
     """Returns the names of the files, with numbers where files in several folders share one."""
     return distinct([video.name for video in videos])
-
-
-def _photographs(
-    video: Path, clip: str, motion: FrameMotion, names: Mapping[int, str]
-) -> Iterator[tuple[Frame, Photograph]]:
-    """Yields the frames of a clip, each with its photograph, which has no file yet."""
-    for index, frame in zip(sorted(names), timed_frames(video, names.keys()), strict=False):
-        height, width = frame.pixels.shape[:2]
-        of_clip = clip, int(motion.shot[index]), frame.time_s
-        name = names[index]
-        yield frame.pixels, Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
-
-
-def _written(
-    frames: Iterator[tuple[Frame, Photograph]], out_dir: Path, *, is_panorama: bool
-) -> Iterator[Photograph]:
-    """Writes frames, or the views cut from them, and yields their photographs."""
-
-    def write(decoded: tuple[Frame, Photograph]) -> list[Photograph]:
-        frame, photograph = decoded
-        if is_panorama:
-            return list(cut_photographs(photograph, frame, out_dir))
-        return [write_photograph(out_dir, photograph, frame)]
-
-    with closing(in_background(frames, ahead=_AHEAD)) as decoded:
-        for kept in prefetch(write, decoded, threads=_WRITERS, ahead=_AHEAD):
-            yield from kept
 
 
 def frame_prefixes(videos: Sequence[Path]) -> list[str]:
@@ -245,6 +230,12 @@ def _input_warnings(
             )
     if skipped:
         yield f"skipped, since {FEWEST_PHOTOGRAPHS} are needed: {', '.join(skipped)}"
+
+
+def _mask_warnings(masks: FoundMasks, hidden: Sequence[str]) -> Iterator[str]:
+    yield from warnings_of_masks(masks, "video")
+    if hidden:
+        yield f"left out, since their masks are black all over: {listed(hidden)}"
 
 
 def _warnings(

@@ -9,6 +9,7 @@ from styletrf.capture.poses.pose_formats import find_given_poses
 from styletrf.capture.scene_capture import CaptureConfig, capture_photographs
 from styletrf.capture.user_folders import (
     find_scene,
+    masks_of_videos,
     scene_folder,
     scene_videos,
     skipped_photographs,
@@ -27,7 +28,7 @@ def capture_scene(
     data: Path,
     scene: str,
 ) -> None:
-    """Writes `images/` and `capture.json` of a scene of the user.
+    """Writes `images/`, `masks/` if there are any, and `capture.json` of a scene of the user.
 
     Args:
         inputs: Empty.
@@ -52,6 +53,7 @@ def capture_scene(
             config.panoramas,
             config.leave_out,
             skipped,
+            masks_of_videos(data, scene),
         )
     else:
         given = find_given_poses(scene_folder(found))

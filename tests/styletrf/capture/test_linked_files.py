@@ -47,7 +47,7 @@ def test_masks_that_two_folders_share_by_links_mask_the_photographs_of_both(imag
         (tmp_path / "black" / name).touch()
     for folder in (images / "walk", tmp_path / "card"):
         (folder / "masks").symlink_to(tmp_path / "black")
-    masked = find_masks(images, photographs_below(images)).by_photograph
+    masked = find_masks(images, photographs_below(images)).by_picture
     assert names(images, masked) == ["card/3.png", "walk/2.png"]
 
 

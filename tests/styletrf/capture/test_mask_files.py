@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from styletrf.capture.mask_files import find_masks, mask_files
-from styletrf.capture.photographs import photographs_below
+from styletrf.capture.mask_files import find_clip_masks, find_masks, mask_files
+from styletrf.capture.photographs import VIDEO_SUFFIXES, files_below, photographs_below
 
 
 @pytest.fixture
@@ -14,13 +14,27 @@ def images(tmp_path):
 
 def found(images, photographs, masks):
     """What is found of files in `images` and beside it: masks by photographs, and the others."""
-    for name in [*(f"images/{photograph}" for photograph in photographs), *masks]:
+    put(images, photographs, masks)
+    return named(images, find_masks(images, photographs_below(images)))
+
+
+def found_of_clips(images, clips, masks):
+    """What is found of clips in `images` and files beside it."""
+    put(images, clips, masks)
+    return named(images, find_clip_masks(images, files_below(images, VIDEO_SUFFIXES)))
+
+
+def put(images, pictures, masks):
+    for name in [*(f"images/{picture}" for picture in pictures), *masks]:
         (images.parent / name).parent.mkdir(parents=True, exist_ok=True)
         (images.parent / name).touch()
-    result = find_masks(images, photographs_below(images))
+
+
+def named(images, result):
+    """The masks by their photographs or clips, and the others, by their paths."""
     fits = {
-        str(photograph.relative_to(images)): str(mask.relative_to(images.parent))
-        for photograph, mask in result.by_photograph.items()
+        str(picture.relative_to(images)): str(mask.relative_to(images.parent))
+        for picture, mask in result.by_picture.items()
     }
     return fits, [str(mask.relative_to(images.parent)) for mask in result.unused]
 
@@ -104,6 +118,49 @@ def test_a_scene_called_masks_holds_no_masks_of_another(tmp_path):
     for name in ("masks/1.png", "yard/1.jpg"):
         (tmp_path / "scenes" / name).touch()
     assert mask_files(tmp_path / "scenes/yard") == {}
+
+
+@pytest.mark.parametrize(
+    ("files", "mask"),
+    [
+        (["masks/day/a.mp4"], "masks/day/a.mp4"),
+        (["masks/day/a.WEBM"], "masks/day/a.WEBM"),
+        (["masks/day/a.mov.mkv"], "masks/day/a.mov.mkv"),
+        (["masks/a.mp4"], "masks/a.mp4"),
+        (["images/day/masks/a.mp4"], "images/day/masks/a.mp4"),
+        (["masks/day/a/1.png", "masks/day/a/2.PNG"], "masks/day/a"),
+        (["masks/day/a.MOV/1.png"], "masks/day/a.MOV"),
+        (["masks/a/1.png"], "masks/a"),
+    ],
+)
+def test_the_mask_of_a_clip_is_a_video_or_a_folder_of_png_files_of_its_name(images, files, mask):
+    assert found_of_clips(images, ["day/a.MOV", "day/b.mov"], files) == ({"day/a.MOV": mask}, [])
+
+
+@pytest.mark.parametrize(
+    ("clips", "masks"),
+    [
+        (["a.mp4"], ["masks/b.mp4", "masks/b/1.png"]),
+        (["a.mp4"], ["masks/1.png", "masks/a.png"]),
+        (["a.mp4"], ["masks/a/1.jpg", "masks/a/b/1.png"]),
+        (["walk.mp4"], ["images/walk/masks/1.png"]),
+        (["day/a.mp4", "night/a.mp4"], ["masks/a.mp4"]),
+        (["day/a.mp4"], ["masks/dusk/a.mp4"]),
+    ],
+    ids=["other name", "no folder", "no PNG", "folder of a clip", "two clips", "other folder"],
+)
+def test_what_may_mask_another_clip_or_none_fits_none(images, clips, masks):
+    assert found_of_clips(images, clips, masks) == ({}, sorted(masks, key=sorting))
+
+
+def sorting(mask):
+    """PNG files come first."""
+    return not mask.endswith(".png"), mask
+
+
+def test_a_video_masks_no_photograph_and_a_file_in_a_folder_is_of_its_folder_alone(images):
+    masks = ["masks/1/1.png", "masks/1.mp4"]
+    assert found(images, ["1.jpg", "2/1.jpg"], masks) == ({}, masks)
 
 
 NAMES = st.sampled_from(["1.jpg", "1.png", "2.JPG", "a/1.jpg", "a/2.png", "b/1.jpg", "b/c/3.jpg"])

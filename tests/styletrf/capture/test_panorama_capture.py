@@ -9,6 +9,7 @@ from message_words import mentions
 
 from styletrf.capture.capture_file import read_capture
 from styletrf.capture.clips.video_capture import capture_videos
+from styletrf.capture.mask_files import find_clip_masks
 from styletrf.capture.masks import read_mask
 from styletrf.capture.panorama.panorama_views import (
     DIRECTIONS,
@@ -162,6 +163,24 @@ def test_a_frame_that_is_a_panorama_is_left_out_whole(tmp_path):
     write_video(tmp_path / "walk.mp4", filmed(24), 12)
     capture = capture_videos([tmp_path / "walk.mp4"], tmp_path / "out", 20, leave_out=["0002"])
     assert {one.panorama for one in capture.photographs} == {"0001", "0003", "0004"}
+
+
+def test_the_mask_of_a_clip_of_panoramas_is_cut_as_its_frames(tmp_path):
+    """The mask covers the right half of the sphere, and with it all of the views to the right."""
+    wall = texture(WIDTH // 2, WIDTH + 60, 1)
+    write_video(tmp_path / "walk.mp4", [wall[:, 5 * k : 5 * k + WIDTH] for k in range(12)], 12)
+    mask = np.full((WIDTH // 2, WIDTH, 3), 255, np.uint8)
+    mask[:, WIDTH // 2 :] = 0
+    (tmp_path / "masks").mkdir()
+    write_video(tmp_path / "masks/walk.mp4", [mask] * 12, 12)
+    masks, clips = find_clip_masks(tmp_path, [tmp_path / "walk.mp4"]), [tmp_path / "walk.mp4"]
+    capture = capture_videos(clips, tmp_path / "out", 15, panoramas="yes", masks=masks)
+    assert {one.direction for one in capture.photographs} == {*DIRECTIONS} - {"right"}
+    for one in capture.photographs:
+        counts = read_mask(tmp_path / f"out/masks/{one.name}.png")
+        assert counts.shape == (one.height, one.width)
+        assert counts.all() == (one.direction == "left")
+    assert not any(mentions(warning, "0001") for warning in capture.warnings)
 
 
 def test_a_clip_beside_one_of_panoramas_gives_its_frames(tmp_path):

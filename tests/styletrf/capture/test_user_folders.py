@@ -9,6 +9,7 @@ from styletrf.capture.user_folders import (
     find_content,
     find_scene,
     find_style,
+    masks_of_videos,
     scene_files,
     scene_videos,
     skipped_photographs,
@@ -143,32 +144,39 @@ def test_the_videos_of_a_folder_are_one_scene(data, place):
     assert scene_videos(found) == []
 
 
-def test_all_masks_are_files_of_a_scene_so_that_one_renamed_is_looked_at_again(data):
-    photographs = [data / "scenes/garden9/images" / f"{name}.jpg" for name in "abc"]
-    masks = [data / "scenes/garden9/masks" / name for name in ("a.png", "misspelled.png")]
+@pytest.mark.parametrize("poses", [[], ["transforms.json"]])
+def test_all_masks_are_files_of_a_scene_so_that_one_renamed_is_looked_at_again(data, poses):
+    scene = data / "scenes/garden9"
+    photographs = [scene / "images" / f"{name}.jpg" for name in "abc"]
+    masks = [scene / "masks" / name for name in ("a.png", "misspelled.png", "video.mp4")]
     masks[0].parent.mkdir()
     for file in [*photographs, *masks]:
         file.touch()
-    assert scene_files(data / "scenes/garden9/images") == [*photographs, *masks]
+    for name in poses:
+        (scene / name).write_text('{"frames": []}')
+    files = scene_files(scene / "images")
+    assert files == [*photographs, *masks, *(scene / name for name in poses)]
 
 
 @pytest.mark.parametrize(
     ("video", "mask"),
     [
-        ("walk.mp4", "walk/masks/0001.png"),
+        ("walk.mp4", "walk/masks/walk.webm"),
+        ("walk.mp4", "walk/masks/walk/1.png"),
         ("walk/film.MOV", "walk/Masks/film/0001.PNG"),
-        ("walk/images/film.webm", "walk/masks/0001.png"),
-        ("walk/images/film.webm", "walk/images/masks/0001.png"),
+        ("walk/images/film.webm", "walk/masks/film.webm"),
+        ("walk/images/day/film.webm", "walk/images/day/masks/film.mp4"),
     ],
 )
-def test_a_video_with_masks_is_refused_for_they_would_not_count(data, video, mask):
+def test_a_video_has_the_mask_of_its_name_wherever_it_lies(data, video, mask):
     for name in (video, mask):
         (data / "scenes" / name).parent.mkdir(parents=True, exist_ok=True)
         (data / "scenes" / name).touch()
-    with pytest.raises(InputError) as refusal:
-        find_scene(data, "walk")
-    assert refusal.value.subject == "scene 'walk'"
-    assert mask.rpartition("/")[0] in refusal.value.problem
+    assert find_scene(data, "walk") == data / "scenes" / video
+    found, file = masks_of_videos(data, "walk"), data / "scenes" / mask
+    whole = file.parent if file.suffix.lower() == ".png" else file
+    assert (found.by_picture, found.files) == ({data / "scenes" / video: whole}, (file,))
+    assert found.unused == ()
 
 
 def test_a_scene_called_masks_does_not_mask_a_video(data):
@@ -176,6 +184,7 @@ def test_a_scene_called_masks_does_not_mask_a_video(data):
         (data / "scenes" / name).parent.mkdir(exist_ok=True)
         (data / "scenes" / name).touch()
     assert find_scene(data, "walk") == data / "scenes/walk.mp4"
+    assert masks_of_videos(data, "walk").files == ()
 
 
 def test_a_video_beside_photographs_is_passed_over(data):

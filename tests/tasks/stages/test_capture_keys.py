@@ -26,6 +26,26 @@ def test_a_photograph_beside_a_clip_is_in_the_key_as_a_warning_names_it(scene: P
     assert before.items() < digests().items()
 
 
+@pytest.mark.parametrize("mask", ["masks/a.mp4", "masks/a/1.png", "masks/other.png"])
+@pytest.mark.parametrize("clip", ["walk/a.mp4", "walk/images/a.mp4", "walk.mp4"])
+def test_the_content_and_the_name_of_the_mask_of_a_clip_are_in_the_key(
+    scene: Path, clip: str, mask: str
+):
+    (scene / "images").mkdir()
+    (scene / "a.mp4").rename(scene.parent / clip)
+    before = digests()
+    assert list(before) == [Path(clip).name]
+    (scene / mask).parent.mkdir(parents=True)
+    (scene / mask).write_bytes(b"mask")
+    masked = digests()
+    assert before.items() < masked.items()
+    (scene / mask).write_bytes(b"another mask")
+    assert digests() not in (before, masked)
+    assert before.items() < digests().items()
+    (scene / mask).rename((scene / mask).with_name("renamed.png"))
+    assert masked.keys() - digests().keys() == masked.keys() - before.keys()
+
+
 def test_a_clip_alone_is_all_that_its_key_covers(scene: Path):
     assert list(digests()) == ["a.mp4"]
 
