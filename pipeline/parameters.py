@@ -6,6 +6,7 @@ Luigi itself ends the command with a trace that names neither the flag nor the t
 import contextlib
 import json
 import math
+import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -102,10 +103,34 @@ class ListParameter(_JsonFlag, luigi.ListParameter):
     allowed = """a JSON list, such as '["first", "second"]'"""
 
 
+class NameParameter(luigi.Parameter):
+    """The name of a file or folder, with each accent in one character with its letter (NFC).
+
+    macOS stores accents apart from their letters. So one name has two forms, and would have two
+    keys and two folders of results.
+    """
+
+    def normalize(self, x: Any) -> Any:
+        """Returns the name in this form."""
+        return _composed(x)
+
+
+class NamesParameter(ListParameter):
+    """A list of names, each as in `NameParameter`."""
+
+    def normalize(self, x: Any) -> Any:
+        """Returns the names in this form."""
+        return tuple(map(_composed, super().normalize(x)))  # type: ignore[no-untyped-call]
+
+
 class BoolParameter(_Flag, luigi.BoolParameter):
     """A flag that is given or not."""
 
     allowed = "true or false"
+
+
+def _composed(name: Any) -> Any:
+    return unicodedata.normalize("NFC", name) if isinstance(name, str) else name
 
 
 @contextlib.contextmanager

@@ -232,7 +232,7 @@ def find_style(data_root: Path, name: str) -> Path:
 
 
 def first_style(data_root: Path) -> str:
-    """Returns the name of the first style image by name.
+    """Returns the name of the first style image by name, its accents as `composed` has them.
 
     Raises:
         InputError: There is no style.
@@ -241,7 +241,7 @@ def first_style(data_root: Path) -> str:
     images = sorted(_of_suffix(files, PHOTOGRAPH_SUFFIXES))
     if not images:
         find_style(data_root, "any")  # which says what to do
-    return images[0].stem
+    return composed(images[0].stem)
 
 
 def find_content(data_root: Path, name: str) -> Path | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from pipeline.parameters import ChoiceParameter, ListParameter
+from pipeline.parameters import ChoiceParameter, NamesParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
@@ -39,7 +39,7 @@ class Export(SceneInStyles):
     Leaves the files that `docs/exports.md` lists, linked from `out/SCENE/export/FORMAT/`.
     """
 
-    styles: Any = ListParameter(default=(), description='such as ["mosaic", "udnie"]')
+    styles: Any = NamesParameter(default=(), description='such as ["mosaic", "udnie"]')
     format = _FormatParameter(
         choices=list(EXPORT_PACKAGES),
         description="Gaussian splats (ply, spz), colored points, a mesh (or glb), a bundle for"

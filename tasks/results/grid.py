@@ -6,7 +6,7 @@ import luigi
 from luigi.util import inherits
 
 from pipeline.errors import TaskFailure
-from pipeline.parameters import ListParameter
+from pipeline.parameters import NamesParameter
 from styletrf.errors import InputError
 from styletrf.steps.sharding import shard_of
 from tasks.results.listed_names import require_names
@@ -25,8 +25,8 @@ class Grid(luigi.WrapperTask):
     Has all parameters of a cell, `StylizedTrajectory`, except those set to None here.
     """
 
-    scenes = ListParameter(description='such as ["horns", "fern"]')
-    styles = ListParameter(description='such as ["mosaic", "udnie"]')
+    scenes = NamesParameter(description='such as ["horns", "fern"]')
+    styles = NamesParameter(description='such as ["mosaic", "udnie"]')
     part = luigi.Parameter(
         default="", description="builds a part of the scenes, such as 2/5, for a smaller scheduler"
     )

@@ -2,9 +2,7 @@
 
 from typing import Any
 
-import luigi
-
-from pipeline.parameters import ListParameter
+from pipeline.parameters import NameParameter, NamesParameter
 from styletrf.errors import InputError
 from tasks.results.listed_names import require_names
 from tasks.stages.linked_results import LinkedStage
@@ -15,8 +13,8 @@ from tasks.stages.style_parameters import NetworkParameters, StyleParameters
 class SceneInStyles(LinkedStage, PathParameters):
     """A result that shows one scene in several styles, which share the density of the field."""
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-    styles: Any = ListParameter(description='such as ["mosaic", "udnie"]')
+    scene = NameParameter(description="a folder in data/scenes")
+    styles: Any = NamesParameter(description='such as ["mosaic", "udnie"]')
     content = NetworkParameters.content
     perceptual = NetworkParameters.perceptual
     stroke_scale = NetworkParameters.stroke_scale

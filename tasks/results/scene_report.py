@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import luigi
-
+from pipeline.parameters import NameParameter
 from pipeline.settings import out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
@@ -27,7 +26,7 @@ class SceneReport(LinkedStage, PresetStage):
     Leaves `report.html` and `summary.json`, linked from `out/SCENE/scene-report/`.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
+    scene = NameParameter(description="a folder in data/scenes, or a video there")
     tools = ("numba", "opencv-contrib-python-headless", "torch")
     uses_device = True
 

@@ -1,23 +1,16 @@
 """The speed/quality trade-off: variants measured one by one, and their best combinations."""
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import luigi
-
 from pipeline.maintenance.task_graph import upstream_first
-from pipeline.parameters import IntParameter, ListParameter
-from pipeline.record import ActionRecord
+from pipeline.parameters import IntParameter, ListParameter, NameParameter
 from pipeline.settings import data_root, out_root
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
-from styletrf.evaluation.trade_off import Measurement, Tuning, merged
+from styletrf.evaluation.trade_off import Tuning, merged
 from tasks.command.main_command import main_command
-from tasks.machine.calibration import calibration_of_machine
-from tasks.planning.scene_sizes import sizes_of
 from tasks.presets.sweep import Variant, baseline_settings, sweep
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.field import TrajectoryFrames
@@ -30,13 +23,6 @@ from tasks.stages.metrics import (
 )
 from tasks.stages.scene import SceneModel
 from tasks.stages.stage import PresetStage, Stage, stages_with_settings
-from tasks.summary.trade_off_measurements import (
-    lineage_of,
-    machine,
-    measured_on,
-    measurement,
-    summary_in,
-)
 
 
 class TradeOff(LinkedStage, PresetStage):
@@ -48,10 +34,8 @@ class TradeOff(LinkedStage, PresetStage):
     `--budget` of the main command read; linked from `out/SCENE/trade-off/`.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-    style = luigi.Parameter(
-        default="", description="an image in data/styles; the first one if empty"
-    )
+    scene = NameParameter(description="a folder in data/scenes")
+    style = NameParameter(default="", description="an image in data/styles; the first one if empty")
     content = StylizedTrajectory.content
     perceptual = StylizedTrajectory.perceptual
     repeats = IntParameter(
@@ -120,46 +104,13 @@ class TradeOff(LinkedStage, PresetStage):
 
     def build(self, inputs: Mapping[str, Path], out: Path, run: RunContext) -> None:
         """Gathers cost and quality of the stages, and finds the front."""
-        from styletrf.evaluation.pareto_front import pareto_front
-        from styletrf.evaluation.trade_off import combinations
-        from styletrf.files.tables import write_rows, write_summary
-        from styletrf.reports.trade_off_page import TradeOffContent, write_trade_off_page
+        from tasks.summary.trade_off_content import MeasuredSweep, write_trade_off
 
-        measured = self._measurements(inputs, run.lineage)
-        points = combinations(measured)
-        points = [replace(p, tuning=merged(self.tuning, p.tuning)) for p in points]
-        front = pareto_front(points, measured)
-        write_rows(out / "measurements.parquet", [_flat(asdict(m)) for m in measured])
-        write_rows(out / "combinations.parquet", [_flat(asdict(p)) for p in points])
-        usual = pareto_front([p for p in points if not p.stylizer], measured)
-        shown = [p.combination for p in front]  # commands that decide the stylizer need the others
-        served = [*front, *(p for p in usual if p.combination not in shown)]
-        rows = [_flat(asdict(p.combination)) | {"overlaps": p.overlaps} for p in front]
-        write_rows(out / "front.parquet", rows)
-        evidence = json.loads((inputs["model"] / "scene.json").read_text())["evidence"]
-        description = {
-            "scene": self.scene, "style": self.painting, "quality": self.quality,
-            "space": evidence["space"]["chosen"], "machine": machine(run.lineage),
-            "measured": measured_on(run.lineage), "changes": self._changes(),
-        }  # fmt: skip
-        photographs = sizes_of((self.scene,)).get(self.scene)
-        measured_front = {
-            "points": [asdict(p) for p in served],
-            "calibration": asdict(calibration_of_machine(self.device)),
-            "photographs": asdict(photographs) if photographs else {},
-        }
-        write_summary(out / "front.json", {**description, **measured_front})
-        content = TradeOffContent(**description, points=points, front=front, measurements=measured,
-                                  command=self.command)  # fmt: skip
-        write_trade_off_page(out / "report.html", content)
-
-    def _changes(self) -> str:
-        """Returns how many of the sweep's changes were measured, as text."""
-        measured, whole = (
-            sum(bool(v.name) for v in each)
-            for each in (self.variants(), sweep(baseline_settings(self.quality, self.tuning), 1))
-        )
-        return f"{measured} of {whole} changes"
+        measured = MeasuredSweep(
+            self.scene, self.painting, self.quality, self.tuning, self.device, self.variants(),
+            inputs, run.lineage, self.command,
+        )  # fmt: skip
+        write_trade_off(out, measured)
 
     def command(self, tuning: Tuning, stylizer: str = "") -> str:
         """Returns the main command with these settings."""
@@ -170,30 +121,6 @@ class TradeOff(LinkedStage, PresetStage):
                 parameters[name] = self.param_kwargs[name]
         return main_command(parameters, tuning)
 
-    def _measurements(
-        self, inputs: Mapping[str, Path], records: Sequence[ActionRecord]
-    ) -> list[Measurement]:
-        usual = lineage_of(inputs["result"], records)
-        afterwards = {digest: r for digest, r in usual.items() if r.action.family in FIXED_STAGES}
-        return [
-            measurement(
-                variant,
-                (
-                    afterwards
-                    | lineage_of(inputs[f"{k} frames"], records)
-                    | lineage_of(inputs[f"{k}"], records)
-                ).values(),
-                self._metrics_of(inputs, k),
-            )
-            for k, variant in enumerate(self.variants())
-        ]
-
-    @staticmethod
-    def _metrics_of(inputs: Mapping[str, Path], k: int) -> dict[str, Any]:
-        """Returns the metrics of a variant."""
-        metrics = [f"{k}{name}" for name in STYLE_SIDE]
-        return {n: v for m in metrics if m in inputs for n, v in summary_in(inputs[m]).items()}
-
     @property
     def folder(self) -> Path:
         """Returns the folder of the links."""
@@ -203,15 +130,3 @@ class TradeOff(LinkedStage, PresetStage):
         """Returns the targets of the links: the page and its tables."""
         names = ("report.html", "front.json", "front.parquet", "combinations.parquet")
         return {name: place(self) / name for name in (*names, "measurements.parquet")}
-
-
-STYLE_SIDE = ("", " resemblance", " consistency")
-"""How the names of the metrics of a variant of the style continue after its number."""
-
-FIXED_STAGES = ("ConsistencyMetrics", "StyleMetrics", "StylizedTrajectory")
-"""Stages after the frames, which take the same time for all variants."""
-
-
-def _flat(row: dict[str, Any]) -> dict[str, Any]:
-    """Returns a row for a table, with its mappings as JSON."""
-    return {n: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for n, v in row.items()}

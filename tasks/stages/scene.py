@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import luigi
-
 from pipeline.digest import file_digest
+from pipeline.parameters import NameParameter
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from tasks.stages.stage import ConfigurableStage, Stage
@@ -17,7 +16,7 @@ class SceneCapture(ConfigurableStage):
     Leaves `images/` and `capture.json`; a changed photograph leads to a new capture.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes, or a video there")
+    scene = NameParameter(description="a folder in data/scenes, or a video there")
     tools = ("av", "opencv-contrib-python-headless", "pycolmap")
 
     def external_digests(self) -> Mapping[str, str]:
@@ -61,7 +60,7 @@ class CameraPoses(ConfigurableStage):
     messages lie beside the log.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
+    scene = NameParameter(description="a folder in data/scenes")
     tools = ("numba", "opencv-contrib-python-headless", "pycolmap", "torch")
 
     def requires(self) -> Mapping[str, Stage]:
@@ -81,7 +80,7 @@ class SceneModel(ConfigurableStage):
     Photographs held out have no part in it. Leaves `scene.json`, each decision with its evidence.
     """
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
+    scene = NameParameter(description="a folder in data/scenes")
     tools = ("numba", "opencv-contrib-python-headless")
 
     def requires(self) -> Mapping[str, Stage]:

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
-import luigi
 from luigi.parameter import ParameterVisibility
 
-from pipeline.parameters import IntParameter
+from pipeline.parameters import IntParameter, NameParameter
 from pipeline.settings import data_root
 from pipeline.task import RunContext
 from styletrf.errors import InputError
@@ -33,7 +32,7 @@ def _warn_of_former_name() -> None:
 class StyleImage(Stage):
     """The user's painting, checked: `style.png`."""
 
-    style = luigi.Parameter(description="an image in data/styles")
+    style = NameParameter(description="an image in data/styles")
     tools = ("opencv-contrib-python-headless",)
 
     def identity_parameters(self) -> Mapping[str, object]:

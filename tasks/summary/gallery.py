@@ -12,8 +12,8 @@ from typing import Any
 import luigi
 
 from pipeline.settings import current_store, out_root
-from styletrf.reports.gallery import write_gallery
-from styletrf.reports.gallery_tile import OUTCOME_LABELS, Cell, Score
+from styletrf.reports.gallery.page import write_gallery
+from styletrf.reports.gallery.tile import OUTCOME_LABELS, Cell, Score
 from styletrf.reports.page import duration
 from tasks.command.outcomes import outcome_of_missing
 from tasks.stages.linked_results import made_from

@@ -1,5 +1,8 @@
 """A wrong value of a parameter is refused in one line that names the flag and what is allowed."""
 
+import json
+import unicodedata
+
 import luigi
 import pytest
 from luigi.parameter import ParameterException
@@ -12,6 +15,8 @@ from pipeline.parameters import (
     FloatParameter,
     IntParameter,
     ListParameter,
+    NameParameter,
+    NamesParameter,
 )
 
 
@@ -24,6 +29,8 @@ class Declared(luigi.Task):
     shares = DictParameter(default={})
     names = ListParameter(default=[])
     is_quick = BoolParameter()
+    place = NameParameter(default="")
+    places = NamesParameter(default=[])
     until = Deadline(default=None)
 
 
@@ -67,3 +74,13 @@ def test_wrong_value_names_flag_value_and_what_is_allowed(name, value, allowed):
 def test_right_value_is_that_of_luigi(name, word, value):
     parsed = dict(Declared.get_params())[name].parse(word)
     assert (dict(parsed) if isinstance(value, dict) else parsed) == value
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_a_name_is_one_name_however_its_accents_are_stored(form):
+    """A name from a Mac's folder, and the same name typed, were two results."""
+    name = unicodedata.normalize(form, "caf\xe9")
+    typed = Declared.from_str_params({"place": name, "places": json.dumps([name, "horns"])})
+    made = Declared(place=name, places=[name, "horns"])
+    assert typed.task_id == made.task_id
+    assert (made.place, made.places) == ("caf\xe9", ("caf\xe9", "horns"))

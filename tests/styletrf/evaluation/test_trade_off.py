@@ -16,8 +16,8 @@ from styletrf.evaluation.trade_off import (
     spread_of,
     variants,
 )
-from styletrf.reports.trade_off_chart import busy_words, front_svg
-from styletrf.reports.trade_off_page import QUESTIONS, TradeOffContent, write_trade_off_page
+from styletrf.reports.trade_off.chart import busy_words, front_svg
+from styletrf.reports.trade_off.page import QUESTIONS, TradeOffContent, write_trade_off_page
 
 
 def scene(name="", psnr=25.0, field=100.0, frames=30.0, size=100, **more):

@@ -12,7 +12,7 @@ from pipeline.job import write_outcome
 from pipeline.maintenance.task_graph import upstream_first
 from pipeline.settings import current_store
 from styletrf.errors import InputError
-from styletrf.reports.gallery_tile import OUTCOME_LABELS
+from styletrf.reports.gallery.tile import OUTCOME_LABELS
 from tasks.command.outcomes import Outcome, outcome_of_missing
 
 

@@ -130,7 +130,7 @@ def test_a_point_of_another_quality_is_made_at_that_and_the_choice_is_remembered
 )  # fmt: skip
 def test_options_that_another_stylizer_would_not_obey_exclude_its_points(words, monkeypatch):
     front = replace(FRONT, points=(PAINTED, FAST, GOOD))
-    monkeypatch.setattr("tasks.results.trajectory.fronts_for", lambda *_: [front])
+    monkeypatch.setattr("tasks.results.bounded_result.fronts_for", lambda *_: [front])
     assert [found.points for found in mini(budget="5min")._fronts()] == [front.points]
     assert [found.points for found in mini(budget="5min", **words)._fronts()] == [[FAST, GOOD]]
 
@@ -138,7 +138,7 @@ def test_options_that_another_stylizer_would_not_obey_exclude_its_points(words, 
 def test_a_bound_that_only_points_of_another_stylizer_meet_is_refused_in_one_line(monkeypatch):
     """The front of the scene had such a point as its best, and `--plan` ended in a ValueError."""
     front = replace(FRONT, points=(replace(PAINTED, shortfall_db=0.0), FAST))
-    monkeypatch.setattr("tasks.results.trajectory.fronts_for", lambda *_: [front])
+    monkeypatch.setattr("tasks.results.bounded_result.fronts_for", lambda *_: [front])
     task = mini(quality="within 0.1 dB", stroke_scale=2.0)
     for refused in (task.planned, task.require_reachable):
         with rejects("within 0.1 dB", "no such point"):

@@ -1,6 +1,7 @@
 """What steers a style changes the stages it is about, and what cannot be is refused in words."""
 
 import math
+import unicodedata
 
 import pytest
 from expected_errors import rejects
@@ -266,3 +267,17 @@ def test_a_metric_without_its_weights_is_refused_before_anything_is_built(
     kind(**own).validate()
     with rejects(named):
         kind(settings=settings, **own).validate()
+
+
+def test_names_with_accents_stored_apart_have_the_results_of_the_same_names_typed():
+    names = [
+        [unicodedata.normalize(f, n) for n in ("caf\xe9", "\xe9t\xe9")] for f in ("NFC", "NFD")
+    ]
+    assert names[0] != names[1]
+    typed, stored = (tasks.StylizedTrajectory(scene=scene, style=style) for scene, style in names)
+    assert (stored.task_id, stored.folder) == (typed.task_id, typed.folder)
+    grids = [tasks.Grid(scenes=[scene], styles=[style]) for scene, style in names]
+    assert grids[0].cells() == grids[1].cells() == [typed]
+    both = [scene for scene, _ in names]
+    with rejects("--scenes", "twice"):
+        tasks.Grid(scenes=both, styles=["p"]).validate()

@@ -9,7 +9,7 @@ import pytest
 from message_words import mentions
 
 import tasks
-from styletrf.reports.gallery_tile import OUTCOME_LABELS
+from styletrf.reports.gallery.tile import OUTCOME_LABELS
 from tasks.summary.gallery import refresh_gallery
 
 WORDS = {"quality": "draft", "content": "embedded"}

@@ -8,13 +8,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from styletrf.reports.gallery_tile import OUTCOME_LABELS, Cell, tile
+from styletrf.reports.gallery.tile import OUTCOME_LABELS, Cell, tile
 from styletrf.reports.page import section, write_page
 
 STYLE = Path(__file__).with_name("gallery.css").read_text(encoding="utf-8")
 SCRIPT = "".join(
     Path(__file__).with_name(name).read_text(encoding="utf-8")
-    for name in ("gallery.js", "gallery_playback.js", "gallery_comparison.js")
+    for name in ("gallery.js", "playback.js", "comparison.js")
 )
 
 

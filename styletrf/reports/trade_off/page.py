@@ -9,7 +9,7 @@ from styletrf.errors import InputError
 from styletrf.evaluation.pareto_front import FrontPoint, best_in, fastest_within, smallest_within
 from styletrf.evaluation.trade_off import Combination, Measurement, Spread, Tuning, spread_of
 from styletrf.reports.page import duration, gibibytes, section, write_page
-from styletrf.reports.trade_off_chart import busy_words, description, front_svg
+from styletrf.reports.trade_off.chart import busy_words, description, front_svg
 
 STYLE = Path(__file__).with_name("trade_off.css").read_text(encoding="utf-8")
 SCRIPT = Path(__file__).with_name("trade_off.js").read_text(encoding="utf-8")

@@ -13,8 +13,8 @@ from small_videos import moving
 
 from styletrf.files.images import write_rgb
 from styletrf.files.video import write_video
-from styletrf.reports.gallery import write_gallery
-from styletrf.reports.gallery_tile import OUTCOME_LABELS, Cell, Score
+from styletrf.reports.gallery.page import write_gallery
+from styletrf.reports.gallery.tile import OUTCOME_LABELS, Cell, Score
 
 
 def scores(psnr, error):
