@@ -123,6 +123,15 @@ class NamesParameter(ListParameter):
         return tuple(map(_composed, super().normalize(x)))  # type: ignore[no-untyped-call]
 
 
+class WeightsParameter(DictParameter):
+    """Numbers by name, each name as in `NameParameter`."""
+
+    def normalize(self, x: Any) -> Any:
+        """Returns them by the names in this form."""
+        composed = {_composed(name): value for name, value in x.items()}
+        return super().normalize(composed)  # type: ignore[no-untyped-call]
+
+
 class BoolParameter(_Flag, luigi.BoolParameter):
     """A flag that is given or not."""
 

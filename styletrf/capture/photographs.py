@@ -12,7 +12,7 @@ from styletrf.capture.decoding import decoded
 from styletrf.errors import InputError
 from styletrf.files.heif_images import HEIF_SUFFIXES
 from styletrf.files.linked_folders import walk
-from styletrf.files.unusual_images import is_premultiplied, white_level
+from styletrf.files.unusual_images import is_premultiplied, unread_layout, white_level
 
 PHOTOGRAPH_SUFFIXES = HEIF_SUFFIXES | frozenset(
     [
@@ -193,14 +193,16 @@ def read_photograph(path: Path, *, ground: float = 1.0) -> UInt8[np.ndarray, "he
         ground: The gray behind transparent pixels, from 0 (black) to 1 (white).
 
     Raises:
-        InputError: The file cannot be read, is no image, is cut short or damaged, or has too many
-            pixels.
+        InputError: The file cannot be read, is no image, is cut short or damaged, has too many
+            pixels, or is a TIFF with an `unread_layout`.
     """
     try:
         encoded = path.read_bytes()
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"
         raise InputError(str(path), problem, "Check the file and its permissions") from error
+    if layout := unread_layout(encoded):
+        raise InputError(str(path), f"is a TIFF of {layout}, which is not read", "Save it as PNG")
     try:
         pixels = decoded(encoded, is_heif=path.suffix.lower() in HEIF_SUFFIXES)
     except OverflowError as error:

@@ -53,6 +53,12 @@ class Stage(StoredTask):
         " disk space",
     )
 
+    @classmethod
+    @functools.cache
+    def get_params(cls) -> list[tuple[str, luigi.Parameter]]:
+        """Returns the parameters, for which Luigi looks among all attributes at every call."""
+        return super().get_params()  # type: ignore[no-untyped-call, no-any-return]
+
     @property
     def label(self) -> str:
         """Returns the stage's name on the console: its family and its given parameters."""

@@ -15,6 +15,7 @@ from pipeline.parameters import (
     FloatParameter,
     IntParameter,
     NameParameter,
+    WeightsParameter,
 )
 from styletrf.errors import InputError
 from tasks.stages.content import CONTENT
@@ -112,7 +113,7 @@ class FrameParameters(StyleParameters):
         description="render the stylized field, or paint every frame by itself (the baseline)",
     )
     strength = FloatParameter(default=1.0, description="weight of the style, from 0 to 1")
-    blend: Any = DictParameter(
+    blend: Any = WeightsParameter(
         default={}, description='other styles and their weights, such as {"udnie": 0.3}'
     )
     region: Any = DictParameter(

@@ -15,6 +15,7 @@ from pipeline.errors import StoreError
 from pipeline.parameters import parameter_errors
 from pipeline.settings import current_store, data_root, out_root
 from pipeline.task import artifact
+from styletrf.capture.photograph_names import composed
 from styletrf.capture.user_folders import find_scene
 from styletrf.errors import InputError
 from styletrf.field.radiance_field import load_field, load_stylized_field
@@ -65,7 +66,7 @@ def _is_interrupt(error: BaseException | None) -> bool:
 def parser() -> ArgumentParser:
     """Returns the parser of the command's own options; the others are those of its task."""
     parser = ArgumentParser("styletrf view", description=_DESCRIPTION, allow_abbrev=False)
-    parser.add_argument("scene", help="a folder in data/scenes")
+    parser.add_argument("scene", type=composed, help="a folder in data/scenes")
     parser.add_argument(
         "--quality", choices=PRESETS, help="by default the one with the most styles in the store"
     )

@@ -17,6 +17,7 @@ from pipeline.parameters import (
     ListParameter,
     NameParameter,
     NamesParameter,
+    WeightsParameter,
 )
 
 
@@ -31,6 +32,7 @@ class Declared(luigi.Task):
     is_quick = BoolParameter()
     place = NameParameter(default="")
     places = NamesParameter(default=[])
+    weights = WeightsParameter(default={})
     until = Deadline(default=None)
 
 
@@ -80,7 +82,9 @@ def test_right_value_is_that_of_luigi(name, word, value):
 def test_a_name_is_one_name_however_its_accents_are_stored(form):
     """A name from a Mac's folder, and the same name typed, were two results."""
     name = unicodedata.normalize(form, "caf\xe9")
-    typed = Declared.from_str_params({"place": name, "places": json.dumps([name, "horns"])})
-    made = Declared(place=name, places=[name, "horns"])
+    given = {"place": name, "places": [name, "horns"], "weights": {name: 0.5}}
+    words = {key: value if key == "place" else json.dumps(value) for key, value in given.items()}
+    typed, made = Declared.from_str_params(words), Declared(**given)
     assert typed.task_id == made.task_id
     assert (made.place, made.places) == ("caf\xe9", ("caf\xe9", "horns"))
+    assert dict(made.weights) == {"caf\xe9": 0.5}

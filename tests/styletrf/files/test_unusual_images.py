@@ -2,10 +2,12 @@
 
 import io
 import struct
+import zlib
 
 import cv2
 import numpy as np
 import pytest
+from expected_errors import rejects
 from PIL import Image
 
 from styletrf.capture.masks import read_mask_image
@@ -125,3 +127,83 @@ def test_a_transparent_tiff_shows_what_the_same_png_shows(tmp_path, content, rea
         (tmp_path / name).write_bytes(data)
     shown, expected = (read_on(tmp_path / name).astype(int) for name in ("a.tif", "a.png"))
     assert np.abs(shown - expected).max() <= 1
+
+
+def stored_tiff(channels, kind, form="plain"):
+    """A TIFF of gray or RGB with alpha.
+
+    Args:
+        channels: Integers of 8 or 16 bits.
+        kind: Of the alpha: 0 not named, 1 multiplied into the colors, 2 apart.
+        form: plain, big-endian, 64-bit (a BigTIFF), deflated or in planes.
+    """
+    order, is_big = (">" if form == "big-endian" else "<"), form == "64-bit"
+    planes = np.moveaxis(channels, -1, 0) if form == "in planes" else channels
+    data = planes.astype(channels.dtype.newbyteorder(order)).tobytes()
+    data = zlib.compress(data) if form == "deflated" else data
+    height, width, count = channels.shape
+    offset, word, short = (16, "Q", 4) if is_big else (8, "I", 2)
+    size = len(data) // (count if form == "in planes" else 1)
+    parts = [size] * (len(data) // size)
+    tags = {256: [width], 257: [height], 258: [8 * channels.itemsize] * count}
+    tags |= {259: [8 if form == "deflated" else 1], 262: [2 if count == 4 else 1]}
+    tags |= {273: [offset + size * k for k in range(len(parts))], 277: [count], 278: [height]}
+    tags |= {279: parts, 284: [2 if form == "in planes" else 1], 338: [kind]}
+    directory, elsewhere, after = b"", b"", offset + len(data)
+    beyond = (
+        after + (8 if is_big else 2) + len(tags) * (20 if is_big else 12) + struct.calcsize(word)
+    )
+    for tag, values in tags.items():
+        letter, number = ("I", 4) if tag in (273, 279) else ("H", 3)
+        packed = struct.pack(f"{order}{len(values)}{letter}", *values)
+        if len(packed) > 2 * short:
+            place = struct.pack(order + word, beyond + len(elsewhere))
+            elsewhere, packed = elsewhere + packed, place
+        directory += struct.pack(f"{order}HH{word}", tag, number, len(values))
+        directory += packed.ljust(2 * short, b"\0")
+    head = struct.pack(
+        f"{order}HHHQ" if is_big else f"{order}HI", *([43, 8, 0] if is_big else [42]), after
+    )
+    counted = struct.pack(order + ("Q" if is_big else "H"), len(tags))
+    end = struct.pack(order + word, 0)
+    return {"<": b"II", ">": b"MM"}[order] + head + data + counted + directory + end + elsewhere
+
+
+def faded(count, kind, dtype):
+    """The stroke as gray or RGB with alpha, multiplied by it if this is the kind."""
+    rgba = stroke(multiplied=kind == 1) / 255
+    return np.rint(rgba[..., [2, 3] if count == 2 else slice(None)] * np.iinfo(dtype).max).astype(
+        dtype
+    )
+
+
+@pytest.mark.parametrize("form", ["plain", "big-endian", "64-bit", "deflated"])
+@pytest.mark.parametrize("kind", [1, 2])
+@pytest.mark.parametrize(("count", "dtype"), [(2, np.uint8), (4, np.uint8), (4, np.uint16)])
+def test_a_tiff_of_any_depth_and_kind_of_alpha_shows_its_color_on_white(
+    tmp_path, count, dtype, kind, form
+):
+    """Colors of a BigTIFF were too dark."""
+    pixels = read(tmp_path, "a.tif", stored_tiff(faded(count, kind, dtype), kind, form))
+    color = stroke()[..., [2, 2, 2] if count == 2 else [0, 1, 2]]
+    alpha = stroke()[..., 3:] / 255
+    shown_on_white = color * alpha + 255 * (1 - alpha)
+    assert np.abs(pixels - shown_on_white).max() <= 1.5, "three roundings to half a level"
+
+
+def test_gray_of_16_bits_with_alpha_is_refused(tmp_path):
+    """It lost its transparency."""
+    with rejects("a.tif", "16 bits", remedy=["PNG"]):
+        read(tmp_path, "a.tif", stored_tiff(faded(2, 2, np.uint16), 2))
+
+
+@pytest.mark.parametrize(("count", "dtype"), [(2, np.uint8), (2, np.uint16), (4, np.uint16)])
+def test_planes_that_no_decoder_reads_are_refused(tmp_path, count, dtype):
+    """OpenCV shows noise instead."""
+    with rejects("a.tif", "planes", remedy=["PNG"]):
+        read(tmp_path, "a.tif", stored_tiff(faded(count, 2, dtype), 2, "in planes"))
+
+
+def test_planes_of_colors_of_8_bits_are_read(tmp_path):
+    form = read(tmp_path, "a.tif", stored_tiff(faded(4, 2, np.uint8), 2, "in planes"))
+    assert np.array_equal(form, read(tmp_path, "b.tif", stored_tiff(faded(4, 2, np.uint8), 2)))

@@ -278,6 +278,8 @@ def test_names_with_accents_stored_apart_have_the_results_of_the_same_names_type
     assert (stored.task_id, stored.folder) == (typed.task_id, typed.folder)
     grids = [tasks.Grid(scenes=[scene], styles=[style]) for scene, style in names]
     assert grids[0].cells() == grids[1].cells() == [typed]
+    blended = [typed.clone(blend={style: 0.5}) for _, style in names]
+    assert blended[0] == blended[1] != typed
     both = [scene for scene, _ in names]
     with rejects("--scenes", "twice"):
         tasks.Grid(scenes=both, styles=["p"]).validate()

@@ -1,11 +1,12 @@
 """What the command refuses, and with which remedy."""
 
+import unicodedata
 from pathlib import Path
 
 import pytest
 
 from pipeline.settings import current_store
-from tasks.view.view_command import run
+from tasks.view.view_command import parser, run
 
 pytestmark = pytest.mark.usefixtures("out")
 
@@ -73,3 +74,9 @@ def test_without_a_store_nothing_is_made(tmp_path: Path):
     with pytest.raises(SystemExit):
         run(["mini"])
     assert not (tmp_path / "store").exists()
+
+
+def test_a_scene_is_one_scene_however_its_accents_are_typed():
+    """The paths drawn in the page were saved in a folder of their own."""
+    forms = (unicodedata.normalize(form, "caf\xe9") for form in ("NFC", "NFD"))
+    assert [parser().parse_args([form]).scene for form in forms] == ["caf\xe9"] * 2
