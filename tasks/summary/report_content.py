@@ -111,19 +111,32 @@ def tuning_of(
     """
     tuning = {}
     for record in lineage:
-        usual = _usual_settings(record.action.family, parameters)
-        settings = _parameters(record).get("settings", {})
-        changed = {name: value for name, value in settings.items() if usual.get(name) != value}
-        if changed:
-            tuning[record.action.family] = changed
+        family, settings = record.action.family, _parameters(record).get("settings", {})
+        if changed := _changed(family, settings, parameters):
+            tuning[family] = changed
     return tuning
 
 
-def _usual_settings(family: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the settings of the quality, and those that other parameters of a command imply."""
+def _changed(
+    family: str, settings: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Returns the settings that are not the usual ones, without those that the others imply."""
+    usual = _usual_settings(family, parameters, {})
+    changed = {name: value for name, value in settings.items() if usual.get(name) != value}
+    for name, value in list(changed.items()):
+        others = {other: changed[other] for other in changed if other != name}
+        if _usual_settings(family, parameters, others).get(name) == value:
+            changed = others
+    return changed
+
+
+def _usual_settings(
+    family: str, parameters: Mapping[str, Any], changed: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Returns the settings of the quality, and those that a command's others imply."""
     kind = Register.get_task_cls(family)  # type: ignore[no-untyped-call]
     names = {name for name, _ in kind.get_params()}
-    given = {**parameters, "settings": {}, "tuning": {}}
+    given = {**parameters, "settings": {}, "tuning": {family: changed}}
     stage = kind(**{name: value for name, value in given.items() if name in names})
     implied: dict[str, Any] = getattr(stage, "values", dict)()
     return settings_for(family, parameters["quality"]) | implied

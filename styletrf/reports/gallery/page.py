@@ -14,7 +14,7 @@ from styletrf.reports.page import section, write_page
 STYLE = Path(__file__).with_name("gallery.css").read_text(encoding="utf-8")
 SCRIPT = "".join(
     Path(__file__).with_name(name).read_text(encoding="utf-8")
-    for name in ("gallery.js", "playback.js", "comparison.js")
+    for name in ("gallery.js", "gallery_playback.js", "gallery_comparison.js")
 )
 
 

@@ -79,3 +79,11 @@ def test_settings_of_one_stage_are_shown_as_tuning():
     name, tuning, command = shown("--RadianceField-settings '{\"iterations\": 60}'")
     assert tuning == {"RadianceField": {"iterations": 60}}
     assert made_again(command) == name
+
+
+def test_a_setting_that_another_one_implies_is_not_shown():
+    """Renders that nothing moves need the sharper weights, which were shown as a change."""
+    given = {"StylizedField": {"image.iterations": 0}}
+    name, tuning, command = shown(f"--tuning '{json.dumps(given)}'")
+    assert tuning == given
+    assert made_again(command) == name
