@@ -6,12 +6,14 @@ case. If the masks have no folders, or the photographs have none, the name alone
 one photograph may have this name, and no photograph may be in the folder that the mask's path
 names.
 
-The mask of a clip has such a name, too. It is a video, or a folder of PNG files.
+The mask of a clip has such a name, too. It is a video, or a folder of PNG files. Of clips whose
+names differ in the suffix alone, a mask has the whole name: `1.mov` or `1.mov.mp4` masks `1.mov`.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from styletrf.capture.masks import MASKS
@@ -58,7 +60,8 @@ def find_masks(photographs: Path, files: Sequence[Path]) -> FoundMasks:
     Raises:
         InputError: The path of a mask below its folder is not in UTF-8.
     """
-    return _found(photographs, files, _of_photograph)
+    names = {file: _mask_names(path_below(photographs, file)) for file in files}
+    return _found(photographs, names, _of_photograph)
 
 
 def find_clip_masks(folder: Path, clips: Sequence[Path]) -> FoundMasks:
@@ -71,21 +74,33 @@ def find_clip_masks(folder: Path, clips: Sequence[Path]) -> FoundMasks:
     Raises:
         InputError: The path of a mask below its folder is not in UTF-8.
     """
-    return _found(folder, clips, _of_clip)
+    names = {clip: _mask_names(path_below(folder, clip)) for clip in clips}
+    times = Counter(without_suffix for without_suffix, _ in names.values())
+    names = {clip: of_clip[times[of_clip[0]] > 1 :] for clip, of_clip in names.items()}
+    whole = {of_clip[0] for of_clip in names.values() if len(of_clip) == 1}
+    return _found(folder, names, partial(_of_clip, whole=whole))
 
 
 def _found(
-    folder: Path, files: Sequence[Path], masked_by: Callable[[Path, Path], Masked | None]
+    folder: Path,
+    names: Mapping[Path, Sequence[Path]],
+    mask_and_name: Callable[[Path, Path], Masked | None],
 ) -> FoundMasks:
+    """Returns the masks of pictures, and the files that fit none.
+
+    Args:
+        folder: That of the pictures.
+        names: The names that the mask of each picture may have.
+        mask_and_name: Returns the mask that a file is, or is a part of, and the name of that mask.
+    """
     masks = mask_files(folder)
-    masked = {mask: fits for mask, place in masks.items() if (fits := masked_by(mask, place))}
-    whole = dict(masked.values())
-    names = {file: _mask_names(path_below(folder, file)) for file in files}
-    found = _in_own_folders(whole, names)
-    left = {mask: name for mask, name in whole.items() if mask not in found.values()}
-    found = _in_other_folders(left, names) | found
-    taken = set(found.values())
-    used = {mask for mask, (one, _) in masked.items() if one in taken}
+    pairs = ((file, mask_and_name(file, place)) for file, place in masks.items())
+    mask_of = {file: pair for file, pair in pairs if pair}
+    name_of = dict(mask_of.values())
+    in_own = _in_own_folders(name_of, names)
+    left = {mask: name for mask, name in name_of.items() if mask not in in_own.values()}
+    found = _in_other_folders(left, names) | in_own
+    used = {file for file, (mask, _) in mask_of.items() if mask in found.values()}
     return FoundMasks(folder, tuple(masks), found, tuple(m for m in masks if m not in used))
 
 
@@ -167,10 +182,17 @@ def _of_photograph(mask: Path, place: Path) -> Masked | None:
     return (mask, _compared(place.with_suffix(""))) if place.suffix.lower() == _PNG else None
 
 
-def _of_clip(mask: Path, place: Path) -> Masked | None:
-    """Returns a video, or the folder of a PNG, and its name; None where it is neither."""
+def _of_clip(mask: Path, place: Path, whole: Set[Path]) -> Masked | None:
+    """Returns a video, or the folder of a PNG, and its name; None where it is neither.
+
+    Args:
+        mask: The file.
+        place: Its path below the folder of masks.
+        whole: Names of clips with their suffix, where a name without it is not that of one clip.
+    """
     if place.suffix.lower() in VIDEO_SUFFIXES:
-        return mask, _compared(place.with_suffix(""))
+        name = _compared(place)
+        return mask, name if name in whole else name.with_suffix("")
     is_in_folder = place.suffix.lower() == _PNG and mask.parent.name.casefold() != MASKS
     return (mask.parent, _compared(place.parent)) if is_in_folder else None
 

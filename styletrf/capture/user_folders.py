@@ -175,9 +175,12 @@ def masks_of_videos(data_root: Path, name: str) -> FoundMasks:
     Raises:
         InputError: As `find_scene` does, or the path of a mask is not in UTF-8.
     """
-    if not (videos := scene_videos(find_scene(data_root, name))):
+    found, scenes = find_scene(data_root, name), data_root / "scenes"
+    if not (videos := scene_videos(found)):
         return NO_MASKS
-    return find_clip_masks(folder_of_pictures(_scene_named(data_root / "scenes", name)), videos)
+    is_beside = found.parent == scenes and not found.is_dir()
+    own = _scene_named(scenes, found.stem if is_beside else name)
+    return find_clip_masks(folder_of_pictures(own), videos)
 
 
 def scene_files(found: Path) -> list[Path]:

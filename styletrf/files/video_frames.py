@@ -62,6 +62,17 @@ def video_info(path: Path) -> VideoInfo:
         return VideoInfo(context.name, context.width, context.height, count, rate)
 
 
+def has_alpha(path: Path) -> bool:
+    """Returns whether the frames of a video have an alpha channel, which `timed_frames` drops.
+
+    Raises:
+        InputError: The file is missing or holds no video.
+    """
+    with _opened(path) as container:
+        stored = _picture_of(container).codec_context.format
+        return bool(stored and any(component.is_alpha for component in stored.components))
+
+
 def video_frames(path: Path) -> Iterator[Frame]:
     """Yields the decoded frames as RGB, one at a time, upright as the phone that filmed was held.
 

@@ -29,6 +29,7 @@ class SceneCapture(ConfigurableStage):
             masks_of_videos,
             scene_files,
             scene_folder,
+            scene_videos,
             skipped_photographs,
             skipped_videos,
         )
@@ -36,8 +37,11 @@ class SceneCapture(ConfigurableStage):
         found, scenes = find_scene(data_root(), self.scene), data_root() / "scenes"
         below = scene_folder(found)
         digests = {str(path.relative_to(below)): file_digest(path) for path in scene_files(found)}
-        for path in masks_of_videos(data_root(), self.scene).files:
-            digests[f"masks/{path.relative_to(scenes)}"] = file_digest(path)
+        if masks := masks_of_videos(data_root(), self.scene).files:
+            for path in masks:
+                digests[f"masks/{path.relative_to(scenes)}"] = file_digest(path)
+            for path in scene_videos(found):  # their folders decide which mask is whose
+                digests[f"masked/{path.relative_to(scenes)}"] = "by name"
         for path in skipped_photographs(data_root(), self.scene):
             digests[f"skipped/{path.relative_to(scenes)}"] = file_digest(path)
         for path in skipped_videos(data_root(), self.scene):  # large: only the name is used

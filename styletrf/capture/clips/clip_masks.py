@@ -5,7 +5,9 @@ the clip by their order, and not by their times: programs that find people write
 one that they decode, at a rate of their own. So a mask has as many frames as its clip.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Set
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from styletrf.files.video_frames import (
     Frame,
     decodable_frames,
     first_frame,
+    has_alpha,
     timed_frames,
     video_info,
 )
@@ -27,7 +30,7 @@ AnyFrame = UInt8[np.ndarray, "_ _ 3"]
 
 
 def require_masks_of_clips(masks: Mapping[Path, Path]) -> None:
-    """Refuses masks of another size than their clips, or with another number of frames.
+    """Refuses masks that do not fit their clips: of another size, number of frames, or with alpha.
 
     Only the first frames are decoded, unless the files seem to differ in their number.
 
@@ -38,10 +41,34 @@ def require_masks_of_clips(masks: Mapping[Path, Path]) -> None:
         InputError: A mask does not fit, or it or its clip cannot be read.
     """
     for clip, mask in masks.items():
+        _require_black_and_white(mask)
         require_size_of_clip(mask, _first_of(mask), first_frame(clip).pixels)
         packets = video_info(clip).frames, _packets_of(mask)
         if packets[0] != packets[1]:  # a packet that is damaged or trimmed holds no frame to see
             _require_as_many(mask, decodable_frames(clip))
+
+
+def _require_black_and_white(mask: Path) -> None:
+    """Refuses a video with alpha, which may be the mask itself, and files that are not numbered.
+
+    Raises:
+        InputError: It is one of these.
+    """
+    if not mask.is_dir():
+        if has_alpha(mask):
+            remedy = "Export the mask as an opaque video in black and white"
+            raise InputError(str(mask), "has an alpha channel, which is not read", remedy)
+        return
+    for file, following in pairwise(_files_of(mask)):
+        if not _follows(file.stem, following.stem):
+            problem = f"has no number for each frame: after {file.name} comes {following.name}"
+            raise InputError(str(mask), problem, "Number the frames one after the other")
+
+
+def _follows(name: str, following: str) -> bool:
+    """Returns whether some number in a name is one more than in the name before."""
+    numbers = [[int(number) for number in re.findall(r"\d+", n)] for n in (name, following)]
+    return any(second == first + 1 for first, second in zip(*numbers, strict=False))
 
 
 def require_size_of_clip(mask: Path, pixels: AnyFrame, frame: AnyFrame) -> None:
@@ -113,5 +140,8 @@ def _require_as_many(mask: Path, total: int) -> None:
     count = len(_files_of(mask)) if mask.is_dir() else decodable_frames(mask)
     if count != total:
         problem = f"has {count} frames, and its clip {total}"
-        remedy = "Export one frame of the mask for each frame of the clip, in their order"
+        remedy = (
+            "Export one frame of the mask for each frame of the clip, in their order;"
+            " encode a damaged clip again first"
+        )
         raise InputError(str(mask), problem, remedy)

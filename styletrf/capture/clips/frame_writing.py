@@ -41,8 +41,8 @@ def decoded_frames(
         height, width = frame.pixels.shape[:2]
         of_clip = clip, int(motion.shot[index]), frame.time_s
         name, counted = names[index], next(masks)
-        if mask is not None and counted is not None:
-            require_size_of_clip(mask, counted, frame.pixels)
+        if counted is not None:
+            require_size_of_clip(mask or video, counted, frame.pixels)
         photograph = Photograph(name, f"{name}.png", width, height, 0, "", *of_clip)
         yield frame.pixels, counted, photograph
     next(masks, None)  # at its end a mask is refused that has another number of frames

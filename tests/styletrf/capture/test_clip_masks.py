@@ -108,6 +108,31 @@ def test_a_mask_with_another_number_of_frames_is_refused_before_its_clip_is_foll
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("codec", "pixels"), [("qtrle", "argb"), ("png", "rgba")])
+def test_a_mask_video_with_alpha_is_refused(clip, tmp_path, codec, pixels):
+    """Its mask may be the alpha, which nothing read: all pixels counted."""
+    mask = tmp_path / "a.mov"
+    with av.open(str(mask), "w") as container:
+        stream = container.add_stream(codec, 12, width=WIDTH, height=HEIGHT, pix_fmt=pixels)
+        for _ in range(COUNT):
+            frame = av.VideoFrame.from_ndarray(np.full((HEIGHT, WIDTH, 4), 255, np.uint8), "rgba")
+            container.mux(stream.encode(frame.reformat(format=pixels)))
+        container.mux(stream.encode())
+    with rejects("a.mov", "alpha"):
+        require_masks_of_clips({clip: mask})
+
+
+@pytest.mark.parametrize("gone", [3, 9])
+def test_a_folder_of_masks_with_a_gap_is_refused_although_another_file_fills_it(
+    clip, tmp_path, gone
+):
+    """All frames behind the gap had the mask of their neighbor."""
+    put_mask(tmp_path / "a", [gray(counted(k)) for k in range(COUNT)])
+    (tmp_path / f"a/frame_{gone}.png").rename(tmp_path / "a/overview.png")
+    with rejects("a", "after"):
+        require_masks_of_clips({clip: tmp_path / "a"})
+
+
 @pytest.mark.parametrize("name", ["a.mp4", "a"])
 def test_a_mask_of_another_size_is_refused_before_its_clip_is_followed(clip, tmp_path, name):
     lying = [gray(counted(k)).swapaxes(0, 1) for k in range(COUNT)]

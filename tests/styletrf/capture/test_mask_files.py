@@ -146,11 +146,30 @@ def test_the_mask_of_a_clip_is_a_video_or_a_folder_of_png_files_of_its_name(imag
         (["walk.mp4"], ["images/walk/masks/1.png"]),
         (["day/a.mp4", "night/a.mp4"], ["masks/a.mp4"]),
         (["day/a.mp4"], ["masks/dusk/a.mp4"]),
+        (["a.mp4", "a.mov"], ["masks/a.webm", "masks/a/1.png"]),
     ],
-    ids=["other name", "no folder", "no PNG", "folder of a clip", "two clips", "other folder"],
+    ids=[
+        "other name",
+        "no folder",
+        "no PNG",
+        "folder of a clip",
+        "two clips",
+        "other folder",
+        "other suffix of two clips",
+    ],
 )
 def test_what_may_mask_another_clip_or_none_fits_none(images, clips, masks):
     assert found_of_clips(images, clips, masks) == ({}, sorted(masks, key=sorting))
+
+
+@pytest.mark.parametrize("of_mp4", ["masks/a.mp4", "masks/a.mp4.webm", "masks/a.mp4/1.png"])
+def test_clips_whose_suffixes_alone_differ_have_masks_with_their_whole_names(images, of_mp4):
+    """Both had the mask of the one."""
+    mask = "masks/a.mp4" if of_mp4.endswith(".png") else of_mp4
+    clips = ["a.mov", "a.mp4"]
+    assert found_of_clips(images, clips, [of_mp4]) == ({"a.mp4": mask}, [])
+    both = {"a.mp4": mask, "a.mov": "masks/a.mov"}
+    assert found_of_clips(images, clips, [of_mp4, "masks/a.mov"]) == (both, [])
 
 
 def sorting(mask):

@@ -94,6 +94,11 @@ def test_a_video_is_found_by_its_name_with_or_without_its_suffix(data):
     (data / "scenes/walk.mp4").touch()
     assert find_scene(data, "walk.mp4") == find_scene(data, "walk") == data / "scenes/walk.mp4"
     assert skipped_photographs(data, "walk.mp4") == skipped_videos(data, "walk.mp4") == []
+    mask = data / "scenes/walk/masks/walk.mp4"
+    mask.parent.mkdir(parents=True)
+    mask.touch()
+    assert masks_of_videos(data, "walk.mp4") == masks_of_videos(data, "walk")
+    assert masks_of_videos(data, "walk").by_picture == {data / "scenes/walk.mp4": mask}
 
 
 def test_a_scene_called_images_is_refused(data):

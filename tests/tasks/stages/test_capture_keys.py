@@ -43,7 +43,17 @@ def test_the_content_and_the_name_of_the_mask_of_a_clip_are_in_the_key(
     assert digests() not in (before, masked)
     assert before.items() < digests().items()
     (scene / mask).rename((scene / mask).with_name("renamed.png"))
-    assert masked.keys() - digests().keys() == masked.keys() - before.keys()
+    assert masked.keys() - digests().keys() == {f"masks/walk/{mask}"}
+
+
+def test_the_folder_of_a_masked_clip_is_in_its_key_as_it_decides_which_mask_it_has(scene: Path):
+    (scene / "day").mkdir()
+    (scene / "a.mp4").rename(scene / "day/a.mp4")
+    (scene / "masks/day").mkdir(parents=True)
+    (scene / "masks/day/a.mp4").write_bytes(b"mask")
+    before = digests()
+    (scene / "day").rename(scene / "night")
+    assert digests() != before
 
 
 def test_a_clip_alone_is_all_that_its_key_covers(scene: Path):
