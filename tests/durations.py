@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 DURATIONS = Path(__file__).with_name("durations.json")
-SLOW_S, SLOW_FILE_S = 0.35, 6.0
+SLOW_S, SLOW_FILE_S = 0.3, 6.0
 """Seconds from which a test is slow and listed, and of its slow tests from which a whole file is
 slow: tests of a file often share what the first of them makes."""
 
