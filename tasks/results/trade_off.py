@@ -1,6 +1,7 @@
 """The speed/quality trade-off: variants measured one by one, and their best combinations."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError
 from styletrf.evaluation.trade_off import Tuning, merged
 from tasks.command.main_command import main_command
+from tasks.planning.scene_sizes import sizes_of
 from tasks.presets.sweep import Variant, baseline_settings, sweep
 from tasks.results.trajectory import StylizedTrajectory
 from tasks.stages.field import TrajectoryFrames
@@ -106,9 +108,10 @@ class TradeOff(LinkedStage, PresetStage):
         """Gathers cost and quality of the stages, and finds the front."""
         from tasks.summary.trade_off_content import MeasuredSweep, write_trade_off
 
+        sizes = sizes_of((self.scene,)).get(self.scene)
         measured = MeasuredSweep(
-            self.scene, self.painting, self.quality, self.tuning, self.device, self.variants(),
-            inputs, run.lineage, self.command,
+            self.scene, self.painting, self.quality, self.tuning, self.device,
+            asdict(sizes) if sizes else {}, self.variants(), inputs, run.lineage, self.command,
         )  # fmt: skip
         write_trade_off(out, measured)
 

@@ -12,7 +12,6 @@ from styletrf.evaluation.trade_off import Combination, Measurement, Tuning, comb
 from styletrf.files.tables import write_rows, write_summary
 from styletrf.reports.trade_off.page import TradeOffContent, write_trade_off_page
 from tasks.machine.calibration import calibration_of_machine
-from tasks.planning.scene_sizes import sizes_of
 from tasks.presets.sweep import Variant, baseline_settings, sweep
 from tasks.summary.trade_off_measurements import (
     lineage_of,
@@ -39,6 +38,7 @@ class MeasuredSweep:
         quality: The preset about which the sweep changes settings.
         tuning: Settings that all variants have.
         device: Where they were computed.
+        photographs: The number and the size of the scene's photographs; empty if unknown.
         variants: The variants in the order of their numbers.
         inputs: The folders of their artifacts: those of variant K are `K`, `K resemblance`,
             `K consistency` and `K frames`; `result` and `model` are those of the sweep.
@@ -51,6 +51,7 @@ class MeasuredSweep:
     quality: str
     tuning: Tuning
     device: str
+    photographs: Mapping[str, int]
     variants: Sequence[Variant]
     inputs: Mapping[str, Path]
     lineage: Sequence[ActionRecord]
@@ -125,11 +126,10 @@ def _front_file(
     """
     shown: list[Combination] = [p.combination for p in front]
     served = [*front, *(p for p in usual if p.combination not in shown)]
-    photographs = sizes_of((measured.scene,)).get(measured.scene)
     return {
         "points": [asdict(p) for p in served],
         "calibration": asdict(calibration_of_machine(measured.device)),
-        "photographs": asdict(photographs) if photographs else {},
+        "photographs": measured.photographs,
     }
 
 
