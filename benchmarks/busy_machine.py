@@ -1,9 +1,10 @@
 """What other work on the machine costs: `python benchmarks/busy_machine.py --seconds 20`.
 
 Counts the iterations of a fit, of a style network and of an adaptation in so many seconds: alone,
-beside one busy thread, and beside a second of its kind; with the environment as it is, as builds
-set it (`GOMP_SPINCOUNT`), and with OMP_WAIT_POLICY=PASSIVE. The fair share of a fit
-that could use all N cores, beside k busy threads, is N / (N + k) of what it does alone.
+beside one busy thread, and beside a second of its kind; with the environment as it is, with that of
+builds (`GOMP_SPINCOUNT`), with builds' threads for free cores in addition (`styletrf.free_cores`),
+and with OMP_WAIT_POLICY=PASSIVE. The fair share of a fit that could use all N cores, beside k busy
+threads, is N / (N + k) of what it does alone.
 """
 
 import argparse
@@ -12,16 +13,18 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 
+from pipeline.execution.environment import openmp_wait_settings
 from styletrf.evaluation.calibration.workloads import field_steps, network_steps
 from styletrf.field.field_config import FieldConfig
 from styletrf.field.kernels import kernels_for
 from styletrf.field.radiance_field import RadianceField
+from styletrf.free_cores import FreeCoreThreads
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.stylization.adaptation import AdaptationConfig, adapt_appearance
@@ -32,40 +35,44 @@ CHUNKS = {"field": 8, "network": 4}
 """Iterations of one call of the workloads."""
 IMAGES = 2
 """Of a batch of the style network at `draft` and `standard`."""
-SETTINGS: dict[str, dict[str, str]] = {
-    "as it is": {},
-    "GOMP_SPINCOUNT=1000": {"GOMP_SPINCOUNT": "1000"},
-    "OMP_WAIT_POLICY=PASSIVE": {"OMP_WAIT_POLICY": "PASSIVE"},
+SETTINGS: dict[str, tuple[dict[str, str], bool]] = {
+    "as it is": ({}, False),
+    "with the variables of builds": (openmp_wait_settings({}), False),
+    "as builds": (openmp_wait_settings({}), True),
+    "OMP_WAIT_POLICY=PASSIVE": ({"OMP_WAIT_POLICY": "PASSIVE"}, False),
 }
+"""Variables, and whether the threads are as many as the free cores."""
 
 
 class OverError(Exception):
     """The time of a count is over."""
 
 
-def count(kind: str, seconds: float) -> int:
+def count(kind: str, seconds: float, adjust: Callable[[], None]) -> int:
     """Returns the iterations of a workload in so many seconds, after a first that compiles."""
     if kind == "adaptation":
-        return _count_adaptation(seconds)
+        return _count_adaptation(seconds, adjust)
     steps = field_steps(CPU) if kind == "field" else network_steps(CPU, IMAGES)
     steps()
-    return CHUNKS[kind] * _calls(steps, seconds)
+    return CHUNKS[kind] * _calls(steps, seconds, adjust)
 
 
-def _calls(steps: Callable[[], None], seconds: float) -> int:
+def _calls(steps: Callable[[], None], seconds: float, adjust: Callable[[], None]) -> int:
     calls, end = 0, time.monotonic() + seconds
     while time.monotonic() < end:
         steps()
+        adjust()
         calls += 1
     return calls
 
 
-def _count_adaptation(seconds: float) -> int:
+def _count_adaptation(seconds: float, adjust: Callable[[], None]) -> int:
     """Counts from the first iteration on, when the rays have been marched."""
     side, begun, count = 400, 0.0, 0
 
     def progress(done: int, total: int, **quality: float) -> None:  # noqa: ARG001
         nonlocal begun, count
+        adjust()
         begun, count = begun or time.monotonic(), done
         if time.monotonic() - begun > seconds:
             raise OverError
@@ -88,23 +95,22 @@ def _count_adaptation(seconds: float) -> int:
     raise RuntimeError("the adaptation ended before its time")
 
 
-def counts(kind: str, seconds: float, environment: Mapping[str, str]) -> dict[str, list[int]]:
+def counts(command: Sequence[str], environment: Mapping[str, str]) -> dict[str, list[int]]:
     """Returns the iterations alone, beside a busy thread, and of two beside each other."""
     busy = subprocess.Popen([sys.executable, "-c", BUSY])
     try:
-        beside = _counted(kind, seconds, environment, 1)
+        beside = _counted(command, environment, 1)
     finally:
         busy.kill()
         busy.wait()
     return {
-        "alone": _counted(kind, seconds, environment, 1),
+        "alone": _counted(command, environment, 1),
         "beside a busy thread": beside,
-        "two at once": _counted(kind, seconds, environment, 2),
+        "two at once": _counted(command, environment, 2),
     }
 
 
-def _counted(kind: str, seconds: float, environment: Mapping[str, str], copies: int) -> list[int]:
-    command = [sys.executable, __file__, "--count", kind, "--seconds", str(seconds)]
+def _counted(command: Sequence[str], environment: Mapping[str, str], copies: int) -> list[int]:
     unset = {k: v for k, v in os.environ.items() if k not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
     running = [
         subprocess.Popen(command, env={**unset, **environment}, stdout=subprocess.PIPE, text=True)
@@ -118,13 +124,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--count", choices=["field", "network", "adaptation"])
+    parser.add_argument("--adjust", action="store_true", help="have threads for free cores only")
     options = parser.parse_args()
     if options.count:
-        sys.stdout.write(f"{count(options.count, options.seconds)}\n")
+        adjust = FreeCoreThreads().adjust if options.adjust else lambda: None
+        sys.stdout.write(f"{count(options.count, options.seconds, adjust)}\n")
         return
     for kind in ("field", "network", "adaptation"):
-        for name, environment in SETTINGS.items():
-            found = counts(kind, options.seconds, environment)
+        for name, (environment, adjusts) in SETTINGS.items():
+            command = [sys.executable, __file__, "--count", kind, f"--seconds={options.seconds}"]
+            found = counts([*command, *["--adjust"] * adjusts], environment)
             cells = (" and ".join(map(str, numbers)) for numbers in found.values())
             sys.stdout.write(f"| {kind} | {name} | {' | '.join(cells)} |\n")
             sys.stdout.flush()

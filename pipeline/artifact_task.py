@@ -12,7 +12,7 @@ import luigi
 from pipeline.artifacts import Artifacts
 from pipeline.canonical import Json, canonical
 from pipeline.errors import LostInputError, NotBuiltError, TaskFailure, describe_error
-from pipeline.job import RunContext, append_trace, write_outcome
+from pipeline.job import Display, RunContext, append_trace, write_outcome
 from pipeline.record import Action, ActionRecord, public_version
 from pipeline.settings import current_store, setting
 from pipeline.store import Store
@@ -57,6 +57,10 @@ class ArtifactTask(luigi.Task):
         It runs in a process of its own. Only `inputs`, the parameters and the files that
         `external_digests` covers may decide the bytes.
         """
+
+    def display_of_build(self, display: Display) -> Display:
+        """Returns what `build` reports to; it may do more than show. No part of the key."""
+        return display
 
     @abstractmethod
     def make(self, action: Action, store: Store) -> ActionRecord:
@@ -176,8 +180,7 @@ class ArtifactTask(luigi.Task):
         """Returns everything that decides this artifact, with the digests of upstream artifacts.
 
         Args:
-            refresh: Whether to read the code and the outside files again, although they are in
-                memory.
+            refresh: Whether to read the code and outside files again, although known already.
 
         Raises:
             NotBuiltError: An upstream artifact was never built.
@@ -201,10 +204,7 @@ class ArtifactTask(luigi.Task):
         )
 
     def record(self) -> ActionRecord | None:
-        """Returns the record of the artifact; None if the artifact is not available.
-
-        An error that keeps the key unknown is raised.
-        """
+        """Returns the record if the artifact is available; raises what keeps the key unknown."""
         try:
             record = self._recorded()
         except NotBuiltError:

@@ -11,10 +11,12 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from pipeline.execution.environment import openmp_wait_settings
+from pipeline.execution.environment import SPIN_COUNT
 
-# Before torch is imported: beside any other busy thread, tests would take a hundred times as long.
-os.environ.update(openmp_wait_settings(os.environ))
+# Before torch is imported: workers of pytest-xdist take each other's cores, also from the builds of
+# tests that are too short to adjust their threads.
+if "OMP_WAIT_POLICY" not in os.environ:
+    os.environ.setdefault(SPIN_COUNT, "1000")
 # Workers inherit it: a thread of OpenBLAS spins while it waits for others, and these have no core.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -22,7 +22,8 @@ def run_job(job: Job, display: Display) -> tuple[Literal["built"] | FailureKind,
         records = (current_store().record(key) for key in job.lineage)
         lineage = tuple(record for record in records if record)
         with _Warnings(job.label, display, log):
-            task.build(inputs, Path(job.out), RunContext(display, Path(job.resume), log, lineage))
+            reported = task.display_of_build(display)
+            task.build(inputs, Path(job.out), RunContext(reported, Path(job.resume), log, lineage))
     except Exception as error:  # noqa: BLE001  every error ends this build
         append_trace(log)
         return describe_error(error, log, task_class.user_errors, task_class.transient_errors)

@@ -153,6 +153,11 @@ def usable_cores() -> list[int]:
     return _bound()[: _quota() or None]
 
 
+def has_core_quota() -> bool:
+    """Returns whether the control group of this container may use fewer cores than there are."""
+    return len(usable_cores()) < len(_bound())
+
+
 def memory_bytes() -> int:
     """Returns the memory for all builds: `[host] memory_gib`, or nine tenths of the host's."""
     if gibibytes := number_setting("host", "memory_gib"):
@@ -197,7 +202,7 @@ def _bound() -> list[int]:
 
 def _may_bind() -> bool:
     """Whether builds may be bound: on Linux, and not under a quota, where cores have no numbers."""
-    return hasattr(os, "sched_setaffinity") and len(usable_cores()) == len(_bound())
+    return hasattr(os, "sched_setaffinity") and not has_core_quota()
 
 
 def _quota() -> int:

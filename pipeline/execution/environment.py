@@ -1,4 +1,4 @@
-"""The environment of a build: how its threads wait, and how much freed memory it keeps.
+"""The environment of a build: its threads, how they wait, and how much freed memory it keeps.
 
 Libraries read these variables when they are loaded, and the allocator when the process starts.
 `env $(python -m pipeline.execution.environment) PROGRAM` starts a program with them.
@@ -8,10 +8,11 @@ import os
 from collections.abc import Mapping
 
 from pipeline.code.interpreters import interpreter_environment
+from pipeline.execution.cpu_memory import THREADS, has_core_quota, usable_cores
 
 SPIN_COUNT = "GOMP_SPINCOUNT"
 """The variable for how often a thread of libgomp checks a barrier before it sleeps."""
-_SPINS = "1000"
+_SPINS = "10000"
 _KEPT_MEMORY = "MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"
 """The variables of glibc for how much freed memory the process keeps."""
 
@@ -23,17 +24,33 @@ def build_environment() -> dict[str, str]:
 
 def build_settings(environment: Mapping[str, str]) -> dict[str, str]:
     """Returns the variables that builds add to those of the user."""
-    return openmp_wait_settings(environment) | allocator_settings(environment)
+    return (
+        openmp_wait_settings(environment)
+        | quota_settings(environment)
+        | allocator_settings(environment)
+    )
 
 
 def openmp_wait_settings(environment: Mapping[str, str]) -> dict[str, str]:
     """Returns the variables for how OpenMP threads wait; empty if the user has set them.
 
     By default, libgomp's threads spin in a barrier for so long that they can keep another thread,
-    for which they wait, from its core (measured: a fit a hundred times slower).
+    for which they wait, from its core (measured: a fit a hundred times slower). Builds also have
+    fewer threads beside other work (decision 70).
     """
     is_set = SPIN_COUNT in environment or "OMP_WAIT_POLICY" in environment
     return {} if is_set else {SPIN_COUNT: _SPINS}
+
+
+def quota_settings(environment: Mapping[str, str]) -> dict[str, str]:
+    """Returns the variables for as many threads as a quota of the container has cores.
+
+    Libraries know nothing of quotas, and start a thread for each core of the host. Without a quota,
+    or if the user has set one of the variables, it returns none.
+    """
+    if not has_core_quota() or any(name in environment for name in THREADS):
+        return {}
+    return dict.fromkeys(THREADS, str(len(usable_cores())))
 
 
 def allocator_settings(environment: Mapping[str, str]) -> dict[str, str]:

@@ -42,7 +42,7 @@ class StylizedTrajectory(BoundedResult):
         """Rejects a style with the name of a page in `out/`.
 
         Raises:
-            InputError: It has, or the parameters contradict each other.
+            InputError: The style has such a name, or the parameters contradict each other.
         """
         super().validate()
         if self.style in PAGES:

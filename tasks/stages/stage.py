@@ -9,12 +9,14 @@ from luigi.cmdline_parser import CmdlineParser
 from luigi.freezing import recursively_freeze, recursively_unfreeze
 from luigi.parameter import ParameterException
 
+from pipeline.job import Display
 from pipeline.parameters import BoolParameter, ChoiceParameter, DictParameter, IntParameter
 from pipeline.task import RunContext, StoredTask
 from styletrf.errors import InputError, NetworkError
 from styletrf.steps.step_run import StepRun
 from tasks.command.build_order import seconds_to_the_end
 from tasks.command.sources import SOURCE_PRIORITY, require_sources, source_rank
+from tasks.machine.thread_adjustment import ThreadAdjustment
 from tasks.presets.former_names import require_one_name, with_present_names
 from tasks.presets.presets import PRESETS, settings_for
 
@@ -94,6 +96,10 @@ class Stage(StoredTask):
         command = CmdlineParser.get_instance()  # type: ignore[no-untyped-call]
         require_sources(self, command.get_task_obj() if command else None)
         return super().run()
+
+    def display_of_build(self, display: Display) -> Display:
+        """Returns a display whose reports adjust the threads of the build to the free cores."""
+        return ThreadAdjustment(display)
 
     def step_run(self, run: RunContext) -> StepRun:
         """Returns the part of a run that the step of this stage uses."""

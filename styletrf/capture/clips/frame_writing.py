@@ -63,6 +63,7 @@ def written_frames(
     (out_dir / "images").mkdir(parents=True, exist_ok=True)
 
     def write(decoded: DecodedFrame) -> list[Photograph]:
+        """Writes one frame; returns its photographs."""
         frame, mask, photograph = decoded
         if mask is not None:
             (out_dir / MASKS).mkdir(exist_ok=True)

@@ -24,6 +24,7 @@ from styletrf.field.training.config import FieldTrainingConfig
 from styletrf.field.training.fit_inputs import FieldVolume, TrainingViews
 from styletrf.field.training.trainer import FieldTrainer
 from styletrf.files.images import write_rgb
+from styletrf.free_cores import FreeCoreThreads
 from styletrf.geometry.cameras import Camera
 from styletrf.geometry.space import Space
 from styletrf.style.perceptual.vgg import VGG16
@@ -33,6 +34,7 @@ from styletrf.style.training.step import StyleStep
 from styletrf.style.transfer.network import TransferNetwork, TransferNetworkConfig
 
 _REPEATS = 3
+_PERIOD_S = 0.1
 _SIDE_PX = 640
 _LATTICE = 96
 _FIELD_STEPS = 8
@@ -58,10 +60,15 @@ def measure_workloads(device: torch.device) -> dict[str, float]:
 def fastest_of(workload: Callable[[], None], repeats: int = _REPEATS) -> float:
     """Returns the seconds of the fastest run, after one that is not counted.
 
-    The fraction of the cores that other work took meanwhile is subtracted.
+    The threads are as many as cores that other work left free in the run before. The fraction of
+    the cores that other work took meanwhile is subtracted.
     """
+    threads, seconds = FreeCoreThreads(period_s=_PERIOD_S), []
     workload()
-    return min(_undisturbed_s(workload) for _ in range(repeats))
+    for _ in range(repeats):
+        threads.adjust()
+        seconds.append(_undisturbed_s(workload))
+    return min(seconds)
 
 
 def _undisturbed_s(workload: Callable[[], None]) -> float:

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 from source_names import modules_imported, syntax_of
 
+from pipeline.execution import cpu_memory
 from pipeline.execution.environment import (
     allocator_settings,
     build_settings,
     openmp_wait_settings,
+    quota_settings,
 )
 
 ROOT = Path(__file__).parents[3]
@@ -21,6 +23,32 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.parametrize("name", ["GOMP_SPINCOUNT", "OMP_WAIT_POLICY"])
 def test_how_threads_wait_is_what_the_user_says(name):
     assert openmp_wait_settings({name: "as the user likes"}) == {}
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core is no more than its quota")
+@pytest.mark.parametrize("code", ["import torch as library", "import numba as library"])
+def test_a_library_starts_as_many_threads_as_a_quota_has_cores(tmp_path, monkeypatch, code):
+    """In a container with one core of many, it started a thread for each core of the host."""
+    (tmp_path / "cpu.max").write_text("100000 100000")
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    words = [sys.executable, "-c", f"{code}; print(library.get_num_threads())"]
+    variables = environment_of_users()
+    before, under_quota = (
+        int(subprocess.check_output(words, env=variables | settings))
+        for settings in ({}, quota_settings(variables))
+    )
+    assert before > under_quota == 1
+
+
+def test_without_a_quota_libraries_decide_on_their_threads(tmp_path, monkeypatch):
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    assert quota_settings({}) == {}
+
+
+def test_under_a_quota_the_threads_are_what_the_user_says(tmp_path, monkeypatch):
+    (tmp_path / "cpu.max").write_text("50000 100000")
+    monkeypatch.setattr(cpu_memory, "_CGROUP", tmp_path)
+    assert quota_settings({"OMP_NUM_THREADS": "7"}) == {}
 
 
 @pytest.mark.parametrize("name", ["MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES"])
@@ -60,7 +88,7 @@ print(faults() - before)
 
 def environment_of_users() -> dict[str, str]:
     """The variables of this process without those that builds add, or leave to the user."""
-    names = (*build_settings({}), "OMP_WAIT_POLICY", "GLIBC_TUNABLES")
+    names = (*build_settings({}), *cpu_memory.THREADS, "OMP_WAIT_POLICY", "GLIBC_TUNABLES")
     return {name: value for name, value in os.environ.items() if name not in names}
 
 

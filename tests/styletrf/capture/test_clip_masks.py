@@ -48,7 +48,7 @@ def put_mask(place, frames, rate=12):
 
 @pytest.fixture
 def clip(tmp_path):
-    """A camera that goes along a wall."""
+    """A camera that moves along a wall."""
     (tmp_path / "scenes/walk").mkdir(parents=True)
     write_video(tmp_path / "scenes/walk/a.mp4", FRAMES, 12)
     return tmp_path / "scenes/walk/a.mp4"
