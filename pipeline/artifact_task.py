@@ -59,7 +59,7 @@ class ArtifactTask(luigi.Task):
         """
 
     def display_of_build(self, display: Display) -> Display:
-        """Returns what `build` reports to; it may do more than show. No part of the key."""
+        """Returns what `build` reports to; it may do more than show. It belongs to no key."""
         return display
 
     @abstractmethod
